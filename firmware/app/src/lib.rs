@@ -1,0 +1,2 @@
+//! Firmware application.
+#![no_std]

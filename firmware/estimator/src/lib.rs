@@ -1,0 +1,2 @@
+//! Leakage estimator.
+#![no_std]

@@ -1,0 +1,3 @@
+//! Command line of `host-sim`.
+
+fn main() {}
