@@ -142,7 +142,11 @@ fn panel(
     chart
         .configure_series_labels()
         // The ratio jumps between both directions: the middle is free. The others fill their scale from below.
-        .position(if low < 0.0 && high > 0.0 { SeriesLabelPosition::MiddleLeft } else { SeriesLabelPosition::UpperLeft })
+        .position(if low < 0.0 && high > 0.0 {
+            SeriesLabelPosition::MiddleLeft
+        } else {
+            SeriesLabelPosition::UpperLeft
+        })
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.3))
         .label_font(("sans-serif", 13))
