@@ -34,28 +34,28 @@ mod entries {
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
-    fn kou_step(params: &Params, state: &mut State, sample: &Sample, out: &mut Estimate) {
+    pub fn kou_step(params: &Params, state: &mut State, sample: &Sample, out: &mut Estimate) {
         *out = kou_estimator::step(params, state, sample);
     }
 
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
-    fn kou_params_new(calibration: &Calibration, out: &mut Option<Params>) {
+    pub fn kou_params_new(calibration: &Calibration, out: &mut Option<Params>) {
         *out = Params::new(calibration).ok();
     }
 
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
-    fn kou_record_decode(bytes: &[u8], out: &mut Option<Calibration>) {
+    pub fn kou_record_decode(bytes: &[u8], out: &mut Option<Calibration>) {
         *out = record::decode(bytes).ok();
     }
 
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
-    fn kou_record_encode(calibration: &Calibration, buffer: &mut [u8]) -> Option<usize> {
+    pub fn kou_record_encode(calibration: &Calibration, buffer: &mut [u8]) -> Option<usize> {
         record::encode(calibration, buffer).ok()
     }
 }
@@ -112,11 +112,7 @@ extern "C" fn _start() -> ! {
     black_box((&estimate, estimate.wear_ratio().is_ok(), state.samples(), state.valid()));
     pieces(params, unknown(0x78 as *const OperatingPoint));
     configurations(calibration);
-    names(
-        *unknown(0x7c as *const Reason),
-        *unknown(0x80 as *const Channel),
-        *unknown(0x84 as *const Fault),
-    );
+    names(*unknown(0x7c as *const Reason), *unknown(0x80 as *const Channel), *unknown(0x84 as *const Fault));
     #[cfg(feature = "deliberate-panic")]
     deliberate_panic(bytes);
     loop {}
