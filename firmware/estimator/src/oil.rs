@@ -167,7 +167,8 @@ fn interpolate(values: [f32; NODES]) -> [f32; NODES] {
         }
     }
     let mut polynomial = [0.0; NODES];
-    for (node, difference) in NODE_AT.iter().zip(differences).rev() {
+    // Each side reversed by itself: reversing their zip brings a panic path for unequal lengths.
+    for (node, difference) in NODE_AT.iter().rev().zip(differences.iter().rev()) {
         // polynomial = polynomial*(s - node) + difference
         let mut carry = 0.0;
         for k in &mut polynomial {
