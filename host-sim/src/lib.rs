@@ -4,3 +4,4 @@
 //! firmware links; no equation of it stands here.
 
 pub mod input;
+pub mod pil;

@@ -22,6 +22,8 @@ fn first() -> bool {
 fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
     if first() {
+        // As text first: it needs no decoder, and a fault in the logger itself leaves at least that.
+        semihosting::eprintln!("{info}");
         defmt::error!("{}", defmt::Display2Format(info));
     }
     Exit::Panic.now()
@@ -36,12 +38,17 @@ const BFAR: usize = 0xE000_ED38;
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     if first() {
+        let (pc, lr) = (frame.pc(), frame.lr());
+        let (cfsr, bfar) = (crate::registers::read(CFSR), crate::registers::read(BFAR));
+        semihosting::eprintln!(
+            "hard fault at {pc:#010x}, called from {lr:#010x}; CFSR {cfsr:#010x}, BFAR {bfar:#010x}"
+        );
         defmt::error!(
             "hard fault at {=u32:#010x}, called from {=u32:#010x}; CFSR {=u32:#010x}, BFAR {=u32:#010x}",
-            frame.pc(),
-            frame.lr(),
-            crate::registers::read(CFSR),
-            crate::registers::read(BFAR),
+            pc,
+            lr,
+            cfsr,
+            bfar
         );
     }
     Exit::HardFault.now()
