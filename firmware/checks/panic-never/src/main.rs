@@ -92,7 +92,7 @@ fn names(reason: Reason, channel: Channel, fault: Fault) {
 
 #[allow(unsafe_code, reason = "the linker's entry point")]
 #[unsafe(no_mangle)]
-extern "C" fn _start() -> ! {
+extern "C" fn _start() {
     let calibration = unknown(0x60 as *const Calibration);
     let params = unknown(0x64 as *const Params);
     let bytes = *unknown(0x68 as *const &'static [u8]);
@@ -115,7 +115,6 @@ extern "C" fn _start() -> ! {
     names(*unknown(0x7c as *const Reason), *unknown(0x80 as *const Channel), *unknown(0x84 as *const Fault));
     #[cfg(feature = "deliberate-panic")]
     deliberate_panic(bytes);
-    loop {}
 }
 
 /// An index that the optimiser cannot bound.
