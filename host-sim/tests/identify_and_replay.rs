@@ -100,7 +100,7 @@ fn replay_judges_the_drive_and_names_every_fault_that_was_put_in() {
     // The law misses the truth by some 0.8 % (its residual); means over thousands of samples have no noise left.
     assert!((mean(&before) - 1.0).abs() < 0.02, "{}", mean(&before));
     assert!((mean(&after) - 1.35).abs() < 0.03, "{}", mean(&after));
-    assert!(std::fs::read_to_string(svg).unwrap().matches("<circle").count() > 1000);
+    assert!(std::fs::read_to_string(svg).unwrap().matches("<circle").count() > 500 * 5);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use crate::input::InputError;
 
 /// Points that a picture shows at most; longer logs are thinned evenly.
-const MAX_POINTS: usize = 4000;
+const MAX_POINTS: usize = 500;
 const SIZE: (u32, u32) = (1100, 900);
 const MEASURED: RGBColor = RGBColor(31, 119, 180);
 const EXPECTED: RGBColor = RGBColor(214, 39, 40);
@@ -132,7 +132,7 @@ fn panel(
     for (name, colour, dots, of) in series {
         let data = points.iter().map(|p| (p.time_s, of(p)));
         let drawn = if *dots {
-            chart.draw_series(data.map(|at| Circle::new(at, 1, colour.filled())))?
+            chart.draw_series(data.map(|at| Circle::new(at, 2, colour.filled())))?
         } else {
             chart.draw_series(LineSeries::new(data, colour))?
         };
