@@ -20,7 +20,7 @@ static BUS: Bus<Mutex> = Bus::new();
 const CHUNK_LEN: usize = 4096;
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// Time after which the firmware ends when it has nobody to talk to.
-const ALONE: Duration = Duration::from_secs(5);
+const ALONE: Duration = Duration::from_secs(1);
 
 #[embassy_executor::task]
 async fn link_in(mut requests: Requests<Mutex>) {
