@@ -71,8 +71,26 @@ fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
 }
 
 #[test]
-fn the_example_of_the_documentation_holds() {
+fn the_examples_of_the_documentation_hold() {
     assert_eq!(request_frame(&Request::Hello), [0x01, 0x05, 0x8D, 0xEF, 0x02, 0xD2, 0x00]);
+
+    let now = Micros(1_000_000);
+    let mut sample = Sample::empty(now);
+    sample.pump_speed = Reading::new(now, RevPerMin(1000.0));
+    sample.motor_speed = Reading::new(now, RevPerMin(960.0));
+    sample.high_pressure = Reading::new(now, Megapascal(20.0));
+    sample.oil_temperature = Reading::failed(now, Fault::Open);
+    let expected = [
+        0x08, 0x02, 0xC0, 0x84, 0x3D, 0xC0, 0x84, 0x3D, 0x01, 0x01, 0x06, 0x7A, 0x44, 0xC0, 0x84, 0x3D, 0x01,
+        0x01, 0x06, 0x70, 0x44, 0xC0, 0x84, 0x3D, 0x01, 0x01, 0x03, 0xA0, 0x41, 0x02, 0x01, 0x06, 0xC0, 0x84,
+        0x3D, 0x01, 0x02, 0x02, 0x01, 0x01, 0x02, 0x01, 0x05, 0x88, 0x1B, 0x77, 0x3C, 0x00,
+    ];
+    assert_eq!(request_frame(&Request::Sample(sample)), expected);
+
+    let mut out = [0; MAX_RESPONSE_FRAME];
+    let answer = Response::<&str>::Error(ErrorKind::NoCalibration);
+    let len = encode::<{ MAX_RESPONSE_PAYLOAD + CRC_LEN }>(&answer, &mut out).unwrap();
+    assert_eq!(out[..len], [0x07, 0x05, 0x01, 0x2C, 0xD6, 0xA9, 0x4B, 0x00]);
 }
 
 #[test]
