@@ -3,7 +3,7 @@
 //! | module | duty |
 //! |---|---|
 //! | [`time`] | time driver on the two CMSDK timers, in microseconds |
-//! | [`line`] | the link's line: a pair of files or FIFOs reached by semihosting |
+//! | [`mod@line`] | the link's line: a pair of files or FIFOs reached by semihosting |
 //! | [`uart`] | the same over UART 0 |
 //! | [`stack`] | how deep the stack has been |
 //! | [`exit`] | the codes with which the firmware ends QEMU |
