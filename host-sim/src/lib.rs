@@ -8,6 +8,7 @@ pub mod commands;
 pub mod identify;
 pub mod input;
 pub mod machine;
+pub mod pil;
 pub mod record;
 pub mod replay;
 pub mod synth;

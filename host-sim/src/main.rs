@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_sim::commands::{Failure, identify, replay, synth};
+use host_sim::commands::{Failure, identify, pil, replay, synth};
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
 #[derive(Debug, Parser)]
@@ -17,6 +17,7 @@ struct Cli {
 enum Command {
     Identify(identify::Args),
     Replay(replay::Args),
+    Pil(pil::Args),
     Synth(synth::Args),
 }
 
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let result: Result<(), Failure> = match Cli::parse().command {
         Command::Identify(args) => identify::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Pil(args) => pil::run(&args),
         Command::Synth(args) => synth::run(&args),
     };
     match result {

@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use crate::input::InputError;
 
 /// Points that a picture shows at most; longer logs are thinned evenly.
-const MAX_POINTS: usize = 4000;
+const MAX_POINTS: usize = 500;
 const SIZE: (u32, u32) = (1100, 900);
 const MEASURED: RGBColor = RGBColor(31, 119, 180);
 const EXPECTED: RGBColor = RGBColor(214, 39, 40);
@@ -132,7 +132,7 @@ fn panel(
     for (name, colour, dots, of) in series {
         let data = points.iter().map(|p| (p.time_s, of(p)));
         let drawn = if *dots {
-            chart.draw_series(data.map(|at| Circle::new(at, 1, colour.filled())))?
+            chart.draw_series(data.map(|at| Circle::new(at, 2, colour.filled())))?
         } else {
             chart.draw_series(LineSeries::new(data, colour))?
         };
@@ -142,7 +142,11 @@ fn panel(
     chart
         .configure_series_labels()
         // The ratio jumps between both directions: the middle is free. The others fill their scale from below.
-        .position(if low < 0.0 && high > 0.0 { SeriesLabelPosition::MiddleLeft } else { SeriesLabelPosition::UpperLeft })
+        .position(if low < 0.0 && high > 0.0 {
+            SeriesLabelPosition::MiddleLeft
+        } else {
+            SeriesLabelPosition::UpperLeft
+        })
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.3))
         .label_font(("sans-serif", 13))

@@ -13,6 +13,7 @@
 use core::fmt;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use serde::{Deserialize, Serialize};
 
 use super::Calibration;
 
@@ -34,7 +35,7 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 }
 
 /// Why a record is refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RecordError {
     /// Fewer bytes than the header promises.
