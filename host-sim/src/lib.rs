@@ -5,3 +5,4 @@
 
 pub mod input;
 pub mod machine;
+pub mod full;

@@ -1,0 +1,11 @@
+//! The full lumped-parameter model of pump, motor and circuit.
+pub mod error;
+pub mod hydraulics;
+pub mod integrator;
+pub mod lanes;
+pub mod oil;
+pub mod plant;
+pub mod shaft;
+pub mod tableau;
+pub mod valve_plate;
+pub mod valves;

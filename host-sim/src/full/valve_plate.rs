@@ -1,0 +1,145 @@
+//! Valve plate (paper fig. 3): flow area between a chamber and either kidney against the chamber's angle.
+//!
+//! Angle phi of a chamber is 0 at its top dead centre (smallest volume at positive displacement). The kidney of the
+//! half turn (0, 180) deg serves expanding chambers, the other one shrinking chambers. With half port arc a, half kidney
+//! K = 90 deg - a - land, and u the angle from the kidney's middle, the area is
+//!
+//! ```text
+//! inside  = K + a - |u|
+//! overlap = R*w * clamp(inside, 0, 2*min(a, K))
+//! reach   = clamp(inside + L, 0, L)                         L: groove's arc at the end on this side
+//! area    = overlap + A_groove*(reach/L)^2 * (1 - overlap/overlap_max)
+//! ```
+//!
+//! The last factor fades the groove out while the port comes over the kidney: the groove then lies beneath the same
+//! port. Two chambers on one kidney, and a chamber on both, come out of the geometry. A table of angle against area
+//! takes the formula's place where the machine file has one.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::machine::{Case, Groove, PlateTable, Unit, ValvePlate};
+
+use super::lanes::{V4, WIDTH};
+
+/// Uniform cells over one turn to which a table is brought, so that looking up costs no search.
+const TABLE_CELLS: usize = 7200;
+
+/// Valve-plate constants of four chambers; areas carry the discharge coefficient, in m2.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Ports {
+    /// 1 where line A serves expanding chambers (motor), 0 where it serves shrinking ones (pump).
+    a_serves_expansion: V4,
+    /// K + a.
+    open_rad: V4,
+    /// 2*min(a, K).
+    full_rad: V4,
+    inv_full: V4,
+    cd_area_per_rad_m2: V4,
+    entry: GrooveLanes,
+    exit: GrooveLanes,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct GrooveLanes {
+    arc_rad: V4,
+    inv_arc: V4,
+    cd_area_m2: V4,
+}
+
+impl Ports {
+    /// Fills one lane for a chamber of `plate`; lanes never filled stay shut.
+    pub fn set_lane(&mut self, lane: usize, plate: &ValvePlate, a_serves_expansion: bool) {
+        let l = lane % WIDTH;
+        self.a_serves_expansion.0[l] = f64::from(u8::from(a_serves_expansion));
+        let Case::Geometry(geometry) = &plate.case else { return };
+        let cd = plate.discharge_coefficient;
+        let a = 0.5 * geometry.port_arc_deg.to_radians();
+        let k = 0.5 * PI - a - geometry.seal_land_deg.to_radians();
+        let full_rad = 2.0 * a.min(k);
+        self.open_rad.0[l] = k + a;
+        self.full_rad.0[l] = full_rad;
+        self.inv_full.0[l] = 1.0 / full_rad;
+        self.cd_area_per_rad_m2.0[l] = cd * geometry.kidney_radius_mm * geometry.kidney_width_mm * 1.0e-6;
+        self.entry.set_lane(l, &geometry.entry_groove, cd);
+        self.exit.set_lane(l, &geometry.exit_groove, cd);
+    }
+
+    /// C_d times area to line A and to line B of four chambers at angles `phi` in [0, 2 pi).
+    #[inline(always)]
+    #[must_use]
+    pub fn cd_area_m2(&self, phi: V4) -> (V4, V4) {
+        let (pi, tau) = (V4::all(PI), V4::all(TAU));
+        let from_middle = phi - V4::all(0.5 * PI);
+        let u = from_middle.if_above(pi, from_middle - tau, from_middle);
+        let v = u.if_above(V4::ZERO, u - pi, u + pi);
+        let (expansion, compression) = (self.one_kidney(u), self.one_kidney(v));
+        let half = V4::all(0.5);
+        (
+            self.a_serves_expansion.if_above(half, expansion, compression),
+            self.a_serves_expansion.if_above(half, compression, expansion),
+        )
+    }
+
+    #[inline(always)]
+    fn one_kidney(&self, u: V4) -> V4 {
+        let inside = self.open_rad - u.abs();
+        let overlap = inside.max(V4::ZERO).min(self.full_rad);
+        let leaving = u.if_above(V4::ZERO, V4::all(1.0), V4::ZERO);
+        let half = V4::all(0.5);
+        let pick = |entry: V4, exit: V4| leaving.if_above(half, exit, entry);
+        let arc = pick(self.entry.arc_rad, self.exit.arc_rad);
+        let inv_arc = pick(self.entry.inv_arc, self.exit.inv_arc);
+        let groove = pick(self.entry.cd_area_m2, self.exit.cd_area_m2);
+        let reach = (inside + arc).max(V4::ZERO).min(arc) * inv_arc;
+        overlap * self.cd_area_per_rad_m2 + groove * reach * reach * (V4::all(1.0) - overlap * self.inv_full)
+    }
+}
+
+impl GrooveLanes {
+    fn set_lane(&mut self, l: usize, groove: &Groove, cd: f64) {
+        let arc = groove.arc_deg.to_radians();
+        self.arc_rad.0[l] = arc;
+        self.inv_arc.0[l] = 1.0 / arc;
+        self.cd_area_m2.0[l] = cd * groove.area_mm2 * 1.0e-6;
+    }
+}
+
+/// A unit's table on uniform cells, when its valve plate has one: C_d times area to line A and to line B.
+#[must_use]
+pub fn table_of(unit: &Unit) -> Option<Vec<[f64; 2]>> {
+    let plate = unit.valve_plate.as_ref()?;
+    match &plate.case {
+        Case::Geometry(_) => None,
+        Case::Table(table) => Some(resample(table, plate.discharge_coefficient)),
+    }
+}
+
+/// Areas from a uniform table at an angle in [0, 2 pi), by linear interpolation.
+#[inline]
+#[must_use]
+pub fn look_up(cells: &[[f64; 2]], phi: f64) -> [f64; 2] {
+    let x = phi * (TABLE_CELLS as f64 / TAU);
+    let k = (x as usize).min(TABLE_CELLS - 1);
+    let t = x - k as f64;
+    match (cells.get(k), cells.get(k + 1)) {
+        (Some(&[a0, b0]), Some(&[a1, b1])) => [a0 + t * (a1 - a0), b0 + t * (b1 - b0)],
+        _ => [0.0, 0.0],
+    }
+}
+
+/// Linear interpolation of a table onto uniform cells.
+fn resample(table: &PlateTable, cd: f64) -> Vec<[f64; 2]> {
+    let mut row = 0;
+    (0..=TABLE_CELLS)
+        .map(|k| {
+            let angle = 360.0 * k as f64 / TABLE_CELLS as f64;
+            while row + 2 < table.angle_deg.len() && table.angle_deg[row + 1] <= angle {
+                row += 1;
+            }
+            let (a0, a1) = (table.angle_deg[row], table.angle_deg[row + 1]);
+            let t = ((angle - a0) / (a1 - a0)).clamp(0.0, 1.0);
+            let at = |area: &[f64]| cd * 1.0e-6 * (area[row] + t * (area[row + 1] - area[row]));
+            [at(&table.area_a_mm2), at(&table.area_b_mm2)]
+        })
+        .collect()
+}

@@ -1,0 +1,119 @@
+//! Flow laws of orifices and valves. Each returns the mass flow and its derivatives with respect to both pressures.
+//!
+//! Orifice, with K = C_d A sqrt(2 rho), rho the density upstream, d the laminar transition `LAMINAR_PA`:
+//!
+//! ```text
+//! q = dp / sqrt(s),   s = d/2 + sqrt(d^2/4 + dp^2)        flow   m' = K q
+//! dp = q sqrt(q^2 + d)                                    its inverse
+//! ```
+//!
+//! turbulent (square root) for |dp| far above d, laminar (linear) near zero, smooth, and in closed form both ways.
+//! Valves are quasi-static: their own spool or poppet dynamics (a few ms and faster) are not modelled.
+
+use crate::machine::{CheckValve, Relief, Shuttle};
+
+/// Pressure difference of the laminar transition: 5 kPa, where a port's Reynolds number is of the order of 1000.
+pub const LAMINAR_PA: f64 = 5.0e3;
+/// Discharge coefficient of the circuit's valves.
+const VALVE_CD: f64 = 0.7;
+/// Fraction of the override over which a relief valve's onset is rounded, so that Newton's method sees no corner.
+const RELIEF_ROUNDING: f64 = 0.1;
+
+/// A mass flow and how it changes with the pressure upstream (`from`) and downstream (`to`).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Flow {
+    /// Mass flow from `from` to `to`, kg/s.
+    pub kg_s: f64,
+    /// Derivative with respect to the pressure at `from`.
+    pub d_from: f64,
+    /// Derivative with respect to the pressure at `to`.
+    pub d_to: f64,
+}
+
+/// Orifice with `cd_area_m2` = C_d A between pressures `p_from` and `p_to` with densities of both sides.
+#[inline(always)]
+#[must_use]
+pub fn orifice(cd_area_m2: f64, p_from: f64, p_to: f64, rho_from: f64, rho_to: f64) -> Flow {
+    let dp = p_from - p_to;
+    let w = (0.25 * LAMINAR_PA * LAMINAR_PA + dp * dp).sqrt();
+    let root = (0.5 * LAMINAR_PA + w).sqrt();
+    let rho = if dp > 0.0 { rho_from } else { rho_to };
+    let k = cd_area_m2 * (2.0 * rho.max(0.0)).sqrt();
+    let slope = k * root / (2.0 * w);
+    Flow { kg_s: k * dp / root, d_from: slope, d_to: -slope }
+}
+
+/// Relief valve prepared for the model: flow proportional to the pressure above cracking.
+#[derive(Debug, Clone, Copy)]
+pub struct ReliefLaw {
+    crack_pa: f64,
+    rounding_pa: f64,
+    kg_s_per_pa: f64,
+}
+
+impl ReliefLaw {
+    /// Prepares a relief valve for oil of density `rho`.
+    #[must_use]
+    pub fn new(valve: &Relief, rho: f64) -> Self {
+        let override_pa = valve.override_mpa * 1.0e6;
+        Self {
+            crack_pa: valve.setting_mpa * 1.0e6 - override_pa,
+            rounding_pa: RELIEF_ROUNDING * override_pa,
+            kg_s_per_pa: rho * valve.rated_flow_l_min / 60_000.0 / (override_pa * (1.0 - 0.5 * RELIEF_ROUNDING)),
+        }
+    }
+
+    /// Flow at pressures `p_from`, `p_to`; never backwards.
+    #[inline(always)]
+    #[must_use]
+    pub fn flow(&self, p_from: f64, p_to: f64) -> Flow {
+        let above = p_from - p_to - self.crack_pa;
+        if above <= 0.0 {
+            return Flow::default();
+        }
+        let (y, slope) = if above < self.rounding_pa {
+            (0.5 * above * above / self.rounding_pa, above / self.rounding_pa)
+        } else {
+            (above - 0.5 * self.rounding_pa, 1.0)
+        };
+        let d = self.kg_s_per_pa * slope;
+        Flow { kg_s: self.kg_s_per_pa * y, d_from: d, d_to: -d }
+    }
+}
+
+/// Smooth step from 0 at `start` to 1 at `end`, with its derivative.
+#[inline(always)]
+fn smooth_step(x: f64, start: f64, end: f64) -> (f64, f64) {
+    let inv = 1.0 / (end - start);
+    let t = ((x - start) * inv).clamp(0.0, 1.0);
+    (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) * inv)
+}
+
+/// Check valve from `from` to `to`.
+#[inline(always)]
+#[must_use]
+pub fn check(valve: &CheckValve, p_from: f64, p_to: f64, rho_from: f64) -> Flow {
+    let (open, d_open) = smooth_step(p_from - p_to, valve.crack_mpa * 1.0e6, valve.full_open_mpa * 1.0e6);
+    if open <= 0.0 {
+        return Flow::default();
+    }
+    let full = orifice(VALVE_CD * valve.area_mm2 * 1.0e-6, p_from, p_to, rho_from, rho_from);
+    let d = full.d_from * open + full.kg_s * d_open;
+    Flow { kg_s: full.kg_s * open, d_from: d, d_to: -d }
+}
+
+/// One side of the shuttle valve: from line `line` to the flushing gallery, opened by `other - line`.
+///
+/// The third value is the derivative with respect to the other line's pressure; `d_from` is with respect to the own
+/// line's.
+#[inline(always)]
+#[must_use]
+pub fn shuttle(valve: &Shuttle, p_line: f64, p_other: f64, p_to: f64, rho: (f64, f64)) -> (Flow, f64) {
+    let (open, d_open) = smooth_step(p_other - p_line, valve.crack_mpa * 1.0e6, valve.full_open_mpa * 1.0e6);
+    if open <= 0.0 {
+        return (Flow::default(), 0.0);
+    }
+    let full = orifice(VALVE_CD * valve.area_mm2 * 1.0e-6, p_line, p_to, rho.0, rho.1);
+    let by_spool = full.kg_s * d_open;
+    (Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open }, by_spool)
+}
