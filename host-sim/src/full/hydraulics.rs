@@ -14,7 +14,7 @@ const STIFF_BETA_PA: f64 = 1.2e9;
 
 /// Newton updates of the last iteration, as a fraction of a chamber's content, at which a stage is accepted. 3e-7 is
 /// 0.4 kPa; the error left after such an update is its square over the laminar transition, some pascals.
-const ACCEPT: f64 = 3.0e-7;
+const ACCEPT: f64 = 1.0e-5;
 /// Iterations after which a stage is given up and the step halved.
 const MAX_ITERATIONS: u32 = 25;
 
@@ -71,10 +71,10 @@ struct Group {
     inv_v: V4,
     /// dV/dt.
     v_rate: V4,
-    /// C_d A of the wider port; 1 in `main_a` where that port leads to line A.
+    /// Conductance of the wider port; 1 in `main_a` where that port leads to line A.
     area_1: V4,
     main_a: V4,
-    /// C_d A of the other port: not zero only where a chamber bridges both kidneys.
+    /// Conductance of the other port: not zero only where a chamber bridges both kidneys.
     area_2: V4,
     /// Shares in the vector sums of line A and B; 0 for a bridging chamber, which is handled apart.
     weight_a: V4,
@@ -82,9 +82,11 @@ struct Group {
     rho: V4,
     p: V4,
     slope: V4,
-    /// Square root of the pressure drop that the main port's flow corresponds to, and C_d A sqrt(2 rho).
+    /// Square root of the pressure drop that the main port's flow corresponds to, and
+    /// whether the flow is linearised at the pressure drop (soft) or at the flow (stiff).
     q: V4,
-    k: V4,
+    soft: V4,
+    any_soft: bool,
     q_slope: V4,
     q_miss: V4,
     f: V4,
@@ -156,9 +158,9 @@ impl Stage {
         self.group[lane / WIDTH].volume.0[lane % WIDTH]
     }
 
-    /// C_d times area of one chamber as placed, to line A and to line B.
+    /// Conductance of one chamber's ports as placed, to line A and to line B.
     #[must_use]
-    pub fn cd_area_m2(&self, lane: usize) -> (f64, f64) {
+    pub fn conductance(&self, lane: usize) -> (f64, f64) {
         let (g, l) = (&self.group[lane / WIDTH], lane % WIDTH);
         let (wide, narrow) = (g.area_1.0[l], g.area_2.0[l]);
         if g.main_a.0[l] > 0.5 { (wide, narrow) } else { (narrow, wide) }
@@ -204,7 +206,7 @@ impl Stage {
             group.volume = plant.dead_m3[g] + half_stroke * (one - alpha * cos_i);
             group.inv_v = one / group.volume;
             let v_rate = half_stroke * alpha * sin_i * pick(at.omega_p, at.omega_m);
-            let (mut a, mut b) = plant.ports[g].cd_area_m2(phi);
+            let (mut a, mut b) = plant.ports[g].conductance(phi);
             if plant.pump_table.is_some() || plant.motor_table.is_some() {
                 plant.table_areas(g, &phi, &mut a, &mut b);
             }
@@ -237,8 +239,9 @@ impl Stage {
         self.m = *masses;
         for group in &mut self.group {
             group.q = V4::ZERO;
-            group.k = V4::ZERO;
             group.f = V4::ZERO;
+            group.soft = V4::all(1.0);
+            group.any_soft = true;
         }
     }
 
@@ -247,15 +250,18 @@ impl Stage {
     pub fn guess(&mut self, plant: &Plant, old: &Masses, star: &Masses, rate: &Masses, gh: f64) {
         let rho_0 = plant.oil.density_kg_m3();
         // gh * K * dp/dm against 2*sqrt(dp) at 0.3 MPa: a port as stiff as this settles within the stage.
-        let stiff = V4::all(2.0 * 0.3e6f64.sqrt() / (gh * (2.0 * rho_0).sqrt() * STIFF_BETA_PA / rho_0));
+        let stiff = V4::all(2.0 * 0.3e6f64.sqrt() / (gh * 2.0 * STIFF_BETA_PA / rho_0));
         for g in 0..plant.groups.min(GROUPS) {
             let group = &mut self.group[g];
             let keeps = group.rho * group.volume;
             let follows = star.chamber[g] + V4::all(gh) * rate.chamber[g];
-            let m = (group.area_1 * group.inv_v).if_above(stiff, keeps, follows);
+            let opening = group.area_1 * group.inv_v;
+            let m = opening.if_above(stiff, keeps, follows);
             self.m.chamber[g] = m.max(V4::all(0.2) * old.chamber[g]);
-            let k = group.area_1 * V4::all((2.0 * rho_0).sqrt());
-            group.q = group.f / k.max(V4::all(1.0e-9));
+            group.q = group.f / (group.area_1 * V4::all(2.0)).max(V4::all(1.0e-9));
+            let open = group.area_1.if_above(V4::ZERO, V4::all(1.0), V4::ZERO);
+            group.soft = opening.if_above(stiff, V4::ZERO, open);
+            group.any_soft = group.soft.sum() > 0.0;
         }
         for i in 0..NODES {
             self.m.node[i] = (star.node[i] + gh * rate.node[i]).max(0.2 * old.node[i]);
@@ -275,6 +281,7 @@ impl Stage {
         let (one, half, gh4) = (V4::all(1.0), V4::all(0.5), V4::all(gh));
         let (d, quarter_d2) = (V4::all(LAMINAR_PA), V4::all(0.25 * LAMINAR_PA * LAMINAR_PA));
         let half_inv_rho = V4::all(0.5 * inv_rho_0);
+        let inv_rho4 = V4::all(inv_rho_0);
         let mut last_change = f64::INFINITY;
         for iteration in 1..=MAX_ITERATIONS {
             self.iterations += 1;
@@ -293,23 +300,25 @@ impl Stage {
             for g in 0..groups {
                 let group = &mut self.group[g];
                 group.rho = self.m.chamber[g] * group.inv_v;
-                for l in 0..WIDTH {
-                    (group.p.0[l], group.slope.0[l]) = plant.oil.pressure(group.rho.0[l]);
-                }
-                group.slope = group.slope * group.inv_v;
+                let (p, slope) = plant.oil.pressure4(group.rho);
+                group.p = p;
+                group.slope = slope * group.inv_v;
+            }
+            for g in 0..groups {
+                let group = &mut self.group[g];
                 // Main port: the flow law linearised at the current pressure drop where the chamber is soft, at the
                 // current flow where it is stiff (see docs/full-model/integration.md).
                 let is_a = group.main_a;
                 let slope_line = line(&slope_n, is_a);
                 let dp = group.p - line(&self.p_node, is_a);
-                let w = (quarter_d2 + dp * dp).sqrt();
-                let root = (half * d + w).sqrt();
-                let q_p = dp / root;
-                let stiffness = gh4 * group.k * group.slope * root;
-                let q = stiffness.if_above(w + w, group.q, q_p);
+                let mut q = group.q;
+                if group.any_soft {
+                    let w = (quarter_d2 + dp * dp).sqrt();
+                    q = group.soft.if_above(half, dp / (half * d + w).sqrt(), q);
+                }
                 let out = q.if_above(V4::ZERO, one, V4::ZERO);
                 let rho_up = out.if_above(half, group.rho, line(&rho_n, is_a));
-                let k = group.area_1 * (rho_up + rho_up).max(V4::ZERO).sqrt();
+                let k = group.area_1 * (one + rho_up * inv_rho4);
                 let q2 = q * q;
                 let s = (q2 + d).sqrt();
                 let q_slope = s / (q2 + q2 + d);
@@ -336,7 +345,6 @@ impl Stage {
                 s_a += group.weight_a * slope;
                 s_b += group.weight_b * slope;
                 group.q = q;
-                group.k = k;
                 group.q_slope = q_slope;
                 group.q_miss = q_miss;
                 group.f = f;
@@ -352,7 +360,8 @@ impl Stage {
             matrix[A][A] = s_a.sum();
             matrix[B][B] = s_b.sum();
             self.eliminate_bridges(&rho_n, &slope_n, &inv_vn, inv_rho_0, gh, &mut inflow, &mut matrix);
-            let drains = circuit(plant, &self.p_node, &rho_n, &slope_n, charge, &mut inflow, &mut matrix);
+            let relative = rho_n.map(|rho| rho * inv_rho_0);
+            let drains = circuit(plant, &self.p_node, &relative, &slope_n, charge, &mut inflow, &mut matrix);
             let mut right = [0.0; NODES];
             for k in 0..NODES {
                 right[k] = star.node[k] - self.m.node[k] + gh * inflow[k];
@@ -430,8 +439,8 @@ impl Stage {
                 group.area_2.0[l],
                 group.p.0[l],
                 self.p_node[other],
-                group.rho.0[l],
-                rho_n[other],
+                group.rho.0[l] * inv_rho_0,
+                rho_n[other] * inv_rho_0,
             );
             let by_rho = 0.5 * flow.kg_s * inv_rho_0;
             let out = flow.kg_s > 0.0;
@@ -518,7 +527,7 @@ impl Stage {
 fn circuit(
     plant: &Plant,
     p: &[f64; NODES],
-    rho: &[f64; NODES],
+    relative_rho: &[f64; NODES],
     slope: &[f64; NODES],
     charge: f64,
     inflow: &mut [f64; NODES],
@@ -534,14 +543,14 @@ fn circuit(
     };
     for line in [A, B] {
         // Check valves 5 and 6; high-pressure relief valves, when fitted.
-        edge(C, line, valves::check(&plant.check_valve, p[C], p[line], rho[C]));
+        edge(C, line, plant.check_valve.flow(p[C], p[line], relative_rho[C]));
         if let Some(relief) = &plant.high_relief {
             edge(line, C, relief.flow(p[line], p[C]));
         }
     }
     // Shuttle valve 9: the side of the lower line, moved by the other line's pressure as well.
     for (line, other) in [(A, B), (B, A)] {
-        let (flow, by_other) = valves::shuttle(&plant.shuttle, p[line], p[other], p[F], (rho[line], rho[F]));
+        let (flow, by_other) = plant.shuttle.flow(p[line], p[other], p[F], (relative_rho[line], relative_rho[F]));
         if flow != Flow::default() {
             edge(line, F, flow);
             matrix_add(matrix, line, F, other, by_other * slope[other]);

@@ -113,6 +113,13 @@ impl V4 {
         (self.0[0] + self.0[1]) + (self.0[2] + self.0[3])
     }
 
+    /// Smallest lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn smallest(self) -> f64 {
+        self.0[0].min(self.0[1]).min(self.0[2].min(self.0[3]))
+    }
+
     /// Largest lane.
     #[inline(always)]
     #[must_use]

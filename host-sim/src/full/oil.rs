@@ -18,6 +18,8 @@
 use crate::input::{InputError, Range};
 use crate::machine::Oil;
 
+use super::lanes::{V4, WIDTH};
+
 /// Standard atmosphere p_0.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// Temperatures at which oil properties are extrapolated linearly without losing their meaning.
@@ -28,6 +30,10 @@ pub const MAX_PRESSURE_PA: f64 = 160.0e6;
 const TRANSITION_ABOVE_VAPOUR_PA: f64 = 0.02e6;
 /// Cells of the table. With 4096 the interpolation errs by less than 1e-9 of pressure above 0.1 MPa (tested).
 const CELLS: usize = 4096;
+/// Just short of the last cell's far end.
+const LAST_CELL: f64 = CELLS as f64 - 0.51;
+/// Added to a small positive number, this leaves the nearest whole number in the low bits.
+const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 /// Oil at one temperature, tabulated.
 #[derive(Debug, Clone)]
@@ -42,7 +48,8 @@ pub struct OilTable {
     rho_t: f64,
     cavitation_slope: f64,
     inv_cell: f64,
-    cell: Vec<[f64; 4]>,
+    /// Cubics about whole multiples of the cell's width above the transition density.
+    cell: Box<[[f64; 4]; CELLS]>,
 }
 
 impl OilTable {
@@ -76,7 +83,7 @@ impl OilTable {
             rho_t: 0.0,
             cavitation_slope: 0.0,
             inv_cell: 0.0,
-            cell: Vec::with_capacity(CELLS),
+            cell: Box::new([[0.0; 4]; CELLS]),
         };
         table.fill();
         Ok(table)
@@ -113,29 +120,55 @@ impl OilTable {
     pub fn pressure(&self, rho: f64) -> (f64, f64) {
         let x = (rho - self.rho_t) * self.inv_cell;
         if x < 0.0 {
-            let y = -x * self.cavitation_slope;
-            let above = self.transition_pa - self.vapour_pa;
-            let inv = 1.0 / (1.0 + y + 0.5 * y * y);
-            return (
-                self.vapour_pa + above * inv,
-                above * (1.0 + y) * inv * inv * self.cavitation_slope * self.inv_cell,
-            );
+            return self.cavitating(x);
         }
-        let k = (x as usize).min(CELLS - 1);
-        let t = x - k as f64;
-        match self.cell.get(k) {
-            Some(&[c0, c1, c2, c3]) => (
-                c0 + t * (c1 + t * (c2 + t * c3)),
-                (c1 + t * (2.0 * c2 + t * (3.0 * c3))) * self.inv_cell,
-            ),
-            None => (self.vapour_pa, 0.0),
+        let nearest = x.min(LAST_CELL) + ROUNDING;
+        let [c0, c1, c2, c3] = self.cell[nearest.to_bits() as usize % CELLS];
+        let t = x - (nearest - ROUNDING);
+        (c0 + t * (c1 + t * (c2 + t * c3)), (c1 + t * ((c2 + c2) + t * (3.0 * c3))) * self.inv_cell)
+    }
+
+    /// [`OilTable::pressure`] of four lanes.
+    #[inline(always)]
+    #[must_use]
+    pub fn pressure4(&self, rho: V4) -> (V4, V4) {
+        let x = (rho - V4::all(self.rho_t)) * V4::all(self.inv_cell);
+        let rounding = V4::all(ROUNDING);
+        let nearest = x.min(V4::all(LAST_CELL)).max(V4::ZERO) + rounding;
+        let t = x - (nearest - rounding);
+        let mut c = [V4::ZERO; 4];
+        for l in 0..WIDTH {
+            let cell = &self.cell[nearest.0[l].to_bits() as usize % CELLS];
+            for (c, x) in c.iter_mut().zip(cell) {
+                c.0[l] = *x;
+            }
         }
+        let [c0, c1, c2, c3] = c;
+        let mut p = c0 + t * (c1 + t * (c2 + t * c3));
+        let mut slope = (c1 + t * ((c2 + c2) + t * (V4::all(3.0) * c3))) * V4::all(self.inv_cell);
+        if x.smallest() < 0.0 {
+            for l in 0..WIDTH {
+                if x.0[l] < 0.0 {
+                    (p.0[l], slope.0[l]) = self.cavitating(x.0[l]);
+                }
+            }
+        }
+        (p, slope)
+    }
+
+    /// Mixture with vapour, `x` cells below the transition.
+    #[inline(never)]
+    fn cavitating(&self, x: f64) -> (f64, f64) {
+        let y = -x * self.cavitation_slope;
+        let above = self.transition_pa - self.vapour_pa;
+        let inv = 1.0 / (1.0 + y + 0.5 * y * y);
+        (self.vapour_pa + above * inv, above * (1.0 + y) * inv * inv * self.cavitation_slope * self.inv_cell)
     }
 
     /// Density at an absolute pressure, by bisection and Newton's method on the table; for start values only.
     #[must_use]
     pub fn density_at(&self, p_abs_pa: f64) -> f64 {
-        let (mut low, mut high) = (0.0, self.rho_t + CELLS as f64 / self.inv_cell);
+        let (mut low, mut high) = (0.0, self.rho_t + LAST_CELL / self.inv_cell);
         let mut rho = self.density_kg_m3;
         for _ in 0..200 {
             let (p, slope) = self.pressure(rho);
@@ -159,29 +192,44 @@ impl OilTable {
         let beta_t = self.bulk_modulus_pa(self.transition_pa);
         self.rho_t = self.density_kg_m3 * (-self.log_density(self.transition_pa, ATMOSPHERE_PA)).exp();
         let rho_max = self.density_kg_m3 * self.log_density(ATMOSPHERE_PA, MAX_PRESSURE_PA).exp();
-        let width = (rho_max - self.rho_t) / CELLS as f64;
+        let width = (rho_max - self.rho_t) / (CELLS as f64 - 1.0);
         self.inv_cell = 1.0 / width;
         self.cavitation_slope = width / self.rho_t * beta_t / (self.transition_pa - self.vapour_pa);
+        // Cell k reaches from k - 1/2 to k + 1/2; the first one only upwards, so its cubic is taken from its upper half.
         let mut p = self.transition_pa;
         for k in 0..CELLS {
-            let rho = self.rho_t + k as f64 * width;
+            let (left, right) = (if k == 0 { 0.0 } else { k as f64 - 0.5 }, k as f64 + 0.5);
+            let (rho, rho_right) = (self.rho_t + left * width, self.rho_t + right * width);
             // The first cells hold the steep end of the air's law; the rest is nearly linear.
-            let parts = if k < 64 { 8 } else { 1 };
-            let h = width / f64::from(parts);
-            let mut q = p;
-            for part in 0..parts {
-                let r = rho + f64::from(part) * h;
-                let k1 = self.bulk_modulus_pa(q) / r;
-                let k2 = self.bulk_modulus_pa(q + 0.5 * h * k1) / (r + 0.5 * h);
-                let k3 = self.bulk_modulus_pa(q + 0.5 * h * k2) / (r + 0.5 * h);
-                let k4 = self.bulk_modulus_pa(q + h * k3) / (r + h);
-                q += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
-            }
-            let d0 = self.bulk_modulus_pa(p) / rho * width;
-            let d1 = self.bulk_modulus_pa(q) / (rho + width) * width;
-            self.cell.push([p, d0, 3.0 * (q - p) - 2.0 * d0 - d1, 2.0 * (p - q) + d0 + d1]);
+            let q = self.integrate(p, rho, rho_right, if k < 64 { 8 } else { 1 });
+            let wide = right - left;
+            let d0 = self.bulk_modulus_pa(p) / rho * width * wide;
+            let d1 = self.bulk_modulus_pa(q) / rho_right * width * wide;
+            // Hermite cubic in s = (x - left)/wide, then moved to t = x - k = wide*s + left - k.
+            let (a2, a3) = (3.0 * (q - p) - 2.0 * d0 - d1, 2.0 * (p - q) + d0 + d1);
+            let (b1, b2, b3) = (d0 / wide, a2 / (wide * wide), a3 / (wide * wide * wide));
+            let m = k as f64 - left;
+            self.cell[k] = [
+                p + m * (b1 + m * (b2 + m * b3)),
+                b1 + m * (2.0 * b2 + 3.0 * m * b3),
+                b2 + 3.0 * m * b3,
+                b3,
+            ];
             p = q;
         }
+    }
+
+    /// Pressure at `rho_to`, from `p` at `rho_from`: classical Runge-Kutta in `parts` steps.
+    fn integrate(&self, p: f64, rho_from: f64, rho_to: f64, parts: u32) -> f64 {
+        let h = (rho_to - rho_from) / f64::from(parts);
+        (0..parts).fold(p, |q, part| {
+            let r = rho_from + f64::from(part) * h;
+            let k1 = self.bulk_modulus_pa(q) / r;
+            let k2 = self.bulk_modulus_pa(q + 0.5 * h * k1) / (r + 0.5 * h);
+            let k3 = self.bulk_modulus_pa(q + 0.5 * h * k2) / (r + 0.5 * h);
+            let k4 = self.bulk_modulus_pa(q + h * k3) / (r + h);
+            q + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        })
     }
 
     /// ln(rho(b)/rho(a)): Simpson's rule over equal steps of ln p, in which the air's law is smooth.

@@ -6,13 +6,13 @@
 use std::sync::{Arc, Mutex};
 
 use crate::input::{InputError, Range};
-use crate::machine::{ChargeDrive, CheckValve, Machine, Shuttle, Swash};
+use crate::machine::{ChargeDrive, Machine, Swash};
 
 use super::error::SimError;
 use super::oil::{ATMOSPHERE_PA, OilTable};
 use super::lanes::{V4, WIDTH};
 use super::valve_plate::{Ports, look_up, table_of};
-use super::valves::ReliefLaw;
+use super::valves::{CheckLaw, ReliefLaw, ShuttleLaw};
 
 /// Groups of lanes for chambers: fifteen pistons on either side, padded.
 pub const GROUPS: usize = 8;
@@ -129,15 +129,14 @@ pub struct Plant {
     pub(super) charge_relief: ReliefLaw,
     pub(super) flushing_relief: ReliefLaw,
     pub(super) high_relief: Option<ReliefLaw>,
-    pub(super) check_valve: CheckValve,
-    pub(super) shuttle: Shuttle,
+    pub(super) check_valve: CheckLaw,
+    pub(super) shuttle: ShuttleLaw,
     pub(super) swash: Swash,
     pub(super) motor_inertia_kg_m2: f64,
     pub(super) pump_inertia_kg_m2: Option<f64>,
     pub(super) motor_friction: crate::machine::Friction,
     pub(super) pump_friction: crate::machine::Friction,
     pub(super) low_pa: f64,
-    pub(super) ratio_0: f64,
     pub(super) pump_m3_per_rad: f64,
     pub(super) motor_m3_per_rad: f64,
 }
@@ -171,8 +170,8 @@ impl Plant {
             sin_offset: [V4::ZERO; GROUPS],
             kou_m3_s_pa: [V4::ZERO; GROUPS],
             ports: [Ports::default(); GROUPS],
-            pump_table: table_of(pump),
-            motor_table: table_of(motor),
+            pump_table: table_of(pump, rho),
+            motor_table: table_of(motor, rho),
             case_pa,
             case_rho: oil.density_at(case_pa),
             node_m3: [
@@ -185,15 +184,14 @@ impl Plant {
             charge_relief: ReliefLaw::new(&dynamics.charge_relief, rho),
             flushing_relief: ReliefLaw::new(&dynamics.flushing_relief, rho),
             high_relief: dynamics.high_relief.as_ref().map(|r| ReliefLaw::new(r, rho)),
-            check_valve: dynamics.check_valve,
-            shuttle: dynamics.shuttle,
+            check_valve: CheckLaw::new(&dynamics.check_valve, rho),
+            shuttle: ShuttleLaw::new(&dynamics.shuttle, rho),
             swash: parts.swash,
             motor_inertia_kg_m2: parts.motor_inertia_kg_m2,
             pump_inertia_kg_m2: pump.inertia_kg_m2,
             motor_friction: motor.friction,
             pump_friction: pump.friction,
             low_pa: machine.circuit().low_pressure_mpa * 1.0e6 + ATMOSPHERE_PA,
-            ratio_0: pump.displacement_cm3_per_rev / motor.displacement_cm3_per_rev,
             pump_m3_per_rad: pump.displacement_cm3_per_rev * 1.0e-6 / std::f64::consts::TAU,
             motor_m3_per_rad: motor.displacement_cm3_per_rev * 1.0e-6 / std::f64::consts::TAU,
             oil,
@@ -210,7 +208,7 @@ impl Plant {
                 plant.offset_rad[g].0[l] = offset;
                 (plant.sin_offset[g].0[l], plant.cos_offset[g].0[l]) = offset.sin_cos();
                 plant.kou_m3_s_pa[g].0[l] = kou_l_min_mpa * L_MIN_MPA;
-                plant.ports[g].set_lane(l, plate, !is_pump);
+                plant.ports[g].set_lane(l, plate, !is_pump, rho);
             }
         }
         Ok(plant)

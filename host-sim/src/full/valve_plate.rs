@@ -20,11 +20,12 @@ use std::f64::consts::{PI, TAU};
 use crate::machine::{Case, Groove, PlateTable, Unit, ValvePlate};
 
 use super::lanes::{V4, WIDTH};
+use super::valves::conductance;
 
 /// Uniform cells over one turn to which a table is brought, so that looking up costs no search.
 const TABLE_CELLS: usize = 7200;
 
-/// Valve-plate constants of four chambers; areas carry the discharge coefficient, in m2.
+/// Valve-plate constants of four chambers; areas as conductances (see [`super::valves`]).
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Ports {
     /// 1 where line A serves expanding chambers (motor), 0 where it serves shrinking ones (pump).
@@ -34,7 +35,7 @@ pub struct Ports {
     /// 2*min(a, K).
     full_rad: V4,
     inv_full: V4,
-    cd_area_per_rad_m2: V4,
+    conductance_per_rad: V4,
     entry: GrooveLanes,
     exit: GrooveLanes,
 }
@@ -43,31 +44,31 @@ pub struct Ports {
 struct GrooveLanes {
     arc_rad: V4,
     inv_arc: V4,
-    cd_area_m2: V4,
+    conductance: V4,
 }
 
 impl Ports {
     /// Fills one lane for a chamber of `plate`; lanes never filled stay shut.
-    pub fn set_lane(&mut self, lane: usize, plate: &ValvePlate, a_serves_expansion: bool) {
+    pub fn set_lane(&mut self, lane: usize, plate: &ValvePlate, a_serves_expansion: bool, rho_0: f64) {
         let l = lane % WIDTH;
         self.a_serves_expansion.0[l] = f64::from(u8::from(a_serves_expansion));
         let Case::Geometry(geometry) = &plate.case else { return };
-        let cd = plate.discharge_coefficient;
+        let per_mm2 = conductance(plate.discharge_coefficient, 1.0, rho_0);
         let a = 0.5 * geometry.port_arc_deg.to_radians();
         let k = 0.5 * PI - a - geometry.seal_land_deg.to_radians();
         let full_rad = 2.0 * a.min(k);
         self.open_rad.0[l] = k + a;
         self.full_rad.0[l] = full_rad;
         self.inv_full.0[l] = 1.0 / full_rad;
-        self.cd_area_per_rad_m2.0[l] = cd * geometry.kidney_radius_mm * geometry.kidney_width_mm * 1.0e-6;
-        self.entry.set_lane(l, &geometry.entry_groove, cd);
-        self.exit.set_lane(l, &geometry.exit_groove, cd);
+        self.conductance_per_rad.0[l] = per_mm2 * geometry.kidney_radius_mm * geometry.kidney_width_mm;
+        self.entry.set_lane(l, &geometry.entry_groove, per_mm2);
+        self.exit.set_lane(l, &geometry.exit_groove, per_mm2);
     }
 
-    /// C_d times area to line A and to line B of four chambers at angles `phi` in [0, 2 pi).
+    /// Conductance to line A and to line B of four chambers at angles `phi` in [0, 2 pi).
     #[inline(always)]
     #[must_use]
-    pub fn cd_area_m2(&self, phi: V4) -> (V4, V4) {
+    pub fn conductance(&self, phi: V4) -> (V4, V4) {
         let (pi, tau) = (V4::all(PI), V4::all(TAU));
         let from_middle = phi - V4::all(0.5 * PI);
         let u = from_middle.if_above(pi, from_middle - tau, from_middle);
@@ -89,28 +90,28 @@ impl Ports {
         let pick = |entry: V4, exit: V4| leaving.if_above(half, exit, entry);
         let arc = pick(self.entry.arc_rad, self.exit.arc_rad);
         let inv_arc = pick(self.entry.inv_arc, self.exit.inv_arc);
-        let groove = pick(self.entry.cd_area_m2, self.exit.cd_area_m2);
+        let groove = pick(self.entry.conductance, self.exit.conductance);
         let reach = (inside + arc).max(V4::ZERO).min(arc) * inv_arc;
-        overlap * self.cd_area_per_rad_m2 + groove * reach * reach * (V4::all(1.0) - overlap * self.inv_full)
+        overlap * self.conductance_per_rad + groove * reach * reach * (V4::all(1.0) - overlap * self.inv_full)
     }
 }
 
 impl GrooveLanes {
-    fn set_lane(&mut self, l: usize, groove: &Groove, cd: f64) {
+    fn set_lane(&mut self, l: usize, groove: &Groove, per_mm2: f64) {
         let arc = groove.arc_deg.to_radians();
         self.arc_rad.0[l] = arc;
         self.inv_arc.0[l] = 1.0 / arc;
-        self.cd_area_m2.0[l] = cd * groove.area_mm2 * 1.0e-6;
+        self.conductance.0[l] = per_mm2 * groove.area_mm2;
     }
 }
 
-/// A unit's table on uniform cells, when its valve plate has one: C_d times area to line A and to line B.
+/// A unit's table on uniform cells, when its valve plate has one: Conductance to line A and to line B.
 #[must_use]
-pub fn table_of(unit: &Unit) -> Option<Vec<[f64; 2]>> {
+pub fn table_of(unit: &Unit, rho_0: f64) -> Option<Vec<[f64; 2]>> {
     let plate = unit.valve_plate.as_ref()?;
     match &plate.case {
         Case::Geometry(_) => None,
-        Case::Table(table) => Some(resample(table, plate.discharge_coefficient)),
+        Case::Table(table) => Some(resample(table, conductance(plate.discharge_coefficient, 1.0, rho_0))),
     }
 }
 
@@ -128,7 +129,7 @@ pub fn look_up(cells: &[[f64; 2]], phi: f64) -> [f64; 2] {
 }
 
 /// Linear interpolation of a table onto uniform cells.
-fn resample(table: &PlateTable, cd: f64) -> Vec<[f64; 2]> {
+fn resample(table: &PlateTable, per_mm2: f64) -> Vec<[f64; 2]> {
     let mut row = 0;
     (0..=TABLE_CELLS)
         .map(|k| {
@@ -138,7 +139,7 @@ fn resample(table: &PlateTable, cd: f64) -> Vec<[f64; 2]> {
             }
             let (a0, a1) = (table.angle_deg[row], table.angle_deg[row + 1]);
             let t = ((angle - a0) / (a1 - a0)).clamp(0.0, 1.0);
-            let at = |area: &[f64]| cd * 1.0e-6 * (area[row] + t * (area[row + 1] - area[row]));
+            let at = |area: &[f64]| per_mm2 * (area[row] + t * (area[row + 1] - area[row]));
             [at(&table.area_a_mm2), at(&table.area_b_mm2)]
         })
         .collect()

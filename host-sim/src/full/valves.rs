@@ -3,6 +3,12 @@
 //! Orifice, with K = C_d A sqrt(2 rho), rho the density upstream, d the laminar transition `LAMINAR_PA`:
 //!
 //! ```text
+//! K = k (1 + rho/rho_0),   k = C_d A sqrt(2 rho_0)/2      conductance
+//! ```
+//!
+//! (the root of the density linearised about rho_0: 3e-4 off at the ends of the liquid range), and
+//!
+//! ```text
 //! q = dp / sqrt(s),   s = d/2 + sqrt(d^2/4 + dp^2)        flow   m' = K q
 //! dp = q sqrt(q^2 + d)                                    its inverse
 //! ```
@@ -30,15 +36,21 @@ pub struct Flow {
     pub d_to: f64,
 }
 
-/// Orifice with `cd_area_m2` = C_d A between pressures `p_from` and `p_to` with densities of both sides.
+/// Conductance k = C_d A sqrt(2 rho_0)/2 of an orifice in oil of density `rho_0`.
+#[must_use]
+pub fn conductance(discharge_coefficient: f64, area_mm2: f64, rho_0: f64) -> f64 {
+    discharge_coefficient * area_mm2 * 1.0e-6 * 0.5 * (2.0 * rho_0).sqrt()
+}
+
+/// Orifice of a conductance between pressures `p_from` and `p_to`; densities of both sides relative to rho_0.
 #[inline(always)]
 #[must_use]
-pub fn orifice(cd_area_m2: f64, p_from: f64, p_to: f64, rho_from: f64, rho_to: f64) -> Flow {
+pub fn orifice(conductance: f64, p_from: f64, p_to: f64, rho_from: f64, rho_to: f64) -> Flow {
     let dp = p_from - p_to;
     let w = (0.25 * LAMINAR_PA * LAMINAR_PA + dp * dp).sqrt();
     let root = (0.5 * LAMINAR_PA + w).sqrt();
     let rho = if dp > 0.0 { rho_from } else { rho_to };
-    let k = cd_area_m2 * (2.0 * rho.max(0.0)).sqrt();
+    let k = conductance * (1.0 + rho);
     let slope = k * root / (2.0 * w);
     Flow { kg_s: k * dp / root, d_from: slope, d_to: -slope }
 }
@@ -89,31 +101,71 @@ fn smooth_step(x: f64, start: f64, end: f64) -> (f64, f64) {
     (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) * inv)
 }
 
-/// Check valve from `from` to `to`.
-#[inline(always)]
-#[must_use]
-pub fn check(valve: &CheckValve, p_from: f64, p_to: f64, rho_from: f64) -> Flow {
-    let (open, d_open) = smooth_step(p_from - p_to, valve.crack_mpa * 1.0e6, valve.full_open_mpa * 1.0e6);
-    if open <= 0.0 {
-        return Flow::default();
-    }
-    let full = orifice(VALVE_CD * valve.area_mm2 * 1.0e-6, p_from, p_to, rho_from, rho_from);
-    let d = full.d_from * open + full.kg_s * d_open;
-    Flow { kg_s: full.kg_s * open, d_from: d, d_to: -d }
+/// Check valve prepared for the model.
+#[derive(Debug, Clone, Copy)]
+pub struct CheckLaw {
+    crack_pa: f64,
+    full_open_pa: f64,
+    conductance: f64,
 }
 
-/// One side of the shuttle valve: from line `line` to the flushing gallery, opened by `other - line`.
-///
-/// The third value is the derivative with respect to the other line's pressure; `d_from` is with respect to the own
-/// line's.
-#[inline(always)]
-#[must_use]
-pub fn shuttle(valve: &Shuttle, p_line: f64, p_other: f64, p_to: f64, rho: (f64, f64)) -> (Flow, f64) {
-    let (open, d_open) = smooth_step(p_other - p_line, valve.crack_mpa * 1.0e6, valve.full_open_mpa * 1.0e6);
-    if open <= 0.0 {
-        return (Flow::default(), 0.0);
+impl CheckLaw {
+    /// Prepares a check valve for oil of density `rho_0`.
+    #[must_use]
+    pub fn new(valve: &CheckValve, rho_0: f64) -> Self {
+        Self {
+            crack_pa: valve.crack_mpa * 1.0e6,
+            full_open_pa: valve.full_open_mpa * 1.0e6,
+            conductance: conductance(VALVE_CD, valve.area_mm2, rho_0),
+        }
     }
-    let full = orifice(VALVE_CD * valve.area_mm2 * 1.0e-6, p_line, p_to, rho.0, rho.1);
-    let by_spool = full.kg_s * d_open;
-    (Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open }, by_spool)
+
+    /// Flow at pressures `p_from`, `p_to`; never backwards.
+    #[inline(always)]
+    #[must_use]
+    pub fn flow(&self, p_from: f64, p_to: f64, rho_from: f64) -> Flow {
+        let (open, d_open) = smooth_step(p_from - p_to, self.crack_pa, self.full_open_pa);
+        if open <= 0.0 {
+            return Flow::default();
+        }
+        let full = orifice(self.conductance, p_from, p_to, rho_from, rho_from);
+        let d = full.d_from * open + full.kg_s * d_open;
+        Flow { kg_s: full.kg_s * open, d_from: d, d_to: -d }
+    }
+}
+
+/// Shuttle valve prepared for the model.
+#[derive(Debug, Clone, Copy)]
+pub struct ShuttleLaw {
+    crack_pa: f64,
+    full_open_pa: f64,
+    conductance: f64,
+}
+
+impl ShuttleLaw {
+    /// Prepares a shuttle valve for oil of density `rho_0`.
+    #[must_use]
+    pub fn new(valve: &Shuttle, rho_0: f64) -> Self {
+        Self {
+            crack_pa: valve.crack_mpa * 1.0e6,
+            full_open_pa: valve.full_open_mpa * 1.0e6,
+            conductance: conductance(VALVE_CD, valve.area_mm2, rho_0),
+        }
+    }
+
+    /// Flow of one side, from the line at `p_line` to the flushing gallery at `p_to`, opened by `p_other - p_line`.
+    ///
+    /// `d_from` is the derivative with respect to the own line's pressure, the second value that with respect to the
+    /// other line's.
+    #[inline(always)]
+    #[must_use]
+    pub fn flow(&self, p_line: f64, p_other: f64, p_to: f64, rho: (f64, f64)) -> (Flow, f64) {
+        let (open, d_open) = smooth_step(p_other - p_line, self.crack_pa, self.full_open_pa);
+        if open <= 0.0 {
+            return (Flow::default(), 0.0);
+        }
+        let full = orifice(self.conductance, p_line, p_to, rho.0, rho.1);
+        let by_spool = full.kg_s * d_open;
+        (Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open }, by_spool)
+    }
 }
