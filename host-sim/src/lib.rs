@@ -3,6 +3,14 @@
 //! Data flows one way: record -> samples -> estimator -> estimates -> report. The estimator is the very crate that the
 //! firmware links; no equation of it stands here.
 
+pub mod calibration;
+pub mod commands;
+pub mod full;
+pub mod identify;
 pub mod input;
 pub mod machine;
-pub mod full;
+pub mod pil;
+pub mod record;
+pub mod replay;
+pub mod synth;
+pub mod table;

@@ -1,3 +1,38 @@
-//! Command line of `host-sim`.
+//! Command line of `host-sim`. Exit codes: 0 fine, 1 a check failed, 2 bad input.
 
-fn main() {}
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use host_sim::commands::{Failure, identify, pil, replay, synth};
+
+/// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Identify(identify::Args),
+    Replay(replay::Args),
+    Pil(pil::Args),
+    Synth(synth::Args),
+}
+
+fn main() -> ExitCode {
+    let result: Result<(), Failure> = match Cli::parse().command {
+        Command::Identify(args) => identify::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Pil(args) => pil::run(&args),
+        Command::Synth(args) => synth::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.exit_code()
+        }
+    }
+}

@@ -1,2 +1,52 @@
-//! Set-up, demo, tests, budgets.
-fn main() {}
+//! One entry for people and CI: set-up, demo, tests, budgets.
+//!
+//! Every command does its own set-up, so each of them works on a machine that has only rustup and a C compiler, and
+//! works again without a network once it has run.
+
+mod budgets;
+mod command;
+mod demo;
+mod firmware;
+mod host_sim;
+mod panic_path;
+mod setup;
+mod test;
+mod workspace;
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+const USAGE: &str = "\
+Usage: cargo xtask <command>
+
+  setup            add the compiler's target and components, find or install QEMU, fetch all crates
+  demo             the main job: identify a calibration, replay a log on the host and in firmware, compare every bit
+  test             everything: format, lints, docs, host tests, firmware builds, QEMU tests, panic paths, budgets
+  budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
+  help             this text";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match run(&words) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(words: &[&str]) -> Result<ExitCode> {
+    match words {
+        ["setup"] => setup::run()?,
+        ["demo"] => demo::run()?,
+        ["test"] => return test::run(),
+        ["budgets"] => return budgets::run(false),
+        ["budgets", "--json"] => return budgets::run(true),
+        [] | ["help" | "--help" | "-h"] => println!("{USAGE}"),
+        other => bail!("`{}` is not a command of xtask\n\n{USAGE}", other.join(" ")),
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,2 +1,45 @@
-//! Leakage estimator.
+//! Leakage estimator of an axial-piston pump-motor drive.
+//!
+//! One call, [`step`], turns a [`Sample`] of readings into an [`Estimate`]: the external leakage coefficient `Kou` that
+//! the calibrated law expects at the present operating point, the coefficient that the measured speed ratio shows, and
+//! what both mean for ratio, volumetric efficiency and leakage flow. The same crate runs in the firmware and in the
+//! host tool, with the same bits: it uses no floating-point function whose result depends on the machine.
+//!
+//! * [`Calibration`] is what people and tools write; [`Params`] is what has been checked; [`State`] is what changes.
+//! * No heap, no panic path, no unsafe code, bounded time.
+//!
+//! | module | duty |
+//! |---|---|
+//! | [`units`] | unit types of the boundary |
+//! | [`reading`] | readings, samples and the reasons for missing values |
+//! | [`calibration`] | configuration, its checks and its binary record |
+//! | [`oil`] | compression of the oil (Wylie) |
+//! | [`reduced`] | flow balance: forward model and inverse |
+//! | [`law`], [`region`] | the quadratic law and where it holds |
+//! | [`estimate`] | results and the reasons for their absence |
 #![no_std]
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+pub mod calibration;
+pub mod estimate;
+pub mod law;
+pub mod oil;
+mod params;
+pub mod reading;
+pub mod reduced;
+pub mod region;
+mod step;
+mod uncertainty;
+pub mod units;
+
+pub use calibration::Calibration;
+pub use calibration::check::{CalibrationError, Problem};
+pub use estimate::{Estimate, Expected, Reason, Seen};
+pub use params::Params;
+pub use reading::{Channel, Fault, Reading, Sample};
+pub use step::{State, step};

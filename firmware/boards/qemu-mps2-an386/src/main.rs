@@ -1,2 +1,87 @@
-//! Board binary.
-fn main() {}
+//! The leakage estimator's firmware for QEMU's mps2-an386: wraps the application's tasks and starts them.
+#![no_std]
+#![no_main]
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use embassy_executor::{SpawnError, Spawner};
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use embassy_time::{Duration, Timer};
+use kou_app::tasks::{Bus, LinkEnd, run_estimate, run_heartbeat, run_link_in, run_link_out};
+use kou_qemu_mps2_an386::QemuMps2An386;
+use kou_qemu_mps2_an386::exit::Exit;
+use kou_qemu_mps2_an386::line::{self, Requests, Responses};
+
+/// Every task runs in thread mode, so the channels need no critical section.
+type Mutex = ThreadModeRawMutex;
+
+static BUS: Bus<Mutex> = Bus::new();
+
+/// Bytes of one read from the line; a pipe hands over at most this much at once.
+const CHUNK_LEN: usize = 4096;
+const HEARTBEAT: Duration = Duration::from_millis(100);
+/// Time after which the firmware ends when it has nobody to talk to.
+const ALONE: Duration = Duration::from_secs(5);
+
+#[embassy_executor::task]
+async fn link_in(mut requests: Requests<Mutex>) {
+    let mut chunk = [0; CHUNK_LEN];
+    end(run_link_in(&BUS, &mut requests, &mut chunk).await)
+}
+
+#[embassy_executor::task]
+async fn estimate(board: QemuMps2An386) {
+    run_estimate(&BUS, &board).await
+}
+
+#[embassy_executor::task]
+async fn link_out(mut responses: Responses) {
+    end(run_link_out(&BUS, &mut responses).await)
+}
+
+#[embassy_executor::task]
+async fn heartbeat() {
+    run_heartbeat(&BUS, HEARTBEAT).await
+}
+
+/// What the end of the link means in an emulator: the end of the firmware.
+fn end(reason: LinkEnd) -> ! {
+    let exit = match reason {
+        LinkEnd::Shutdown => Exit::Shutdown,
+        LinkEnd::Closed => Exit::HostGone,
+        LinkEnd::Failed => Exit::LineFailed,
+    };
+    defmt::info!("end: {}", exit);
+    exit.now()
+}
+
+fn start(spawner: Spawner, board: QemuMps2An386) -> Result<bool, SpawnError> {
+    spawner.spawn(heartbeat()?);
+    spawner.spawn(estimate(board)?);
+    let Ok((requests, responses)) = line::open(&BUS.in_flight) else { return Ok(false) };
+    spawner.spawn(link_in(requests)?);
+    spawner.spawn(link_out(responses)?);
+    Ok(true)
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    let board = QemuMps2An386::init();
+    defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
+    match start(spawner, board) {
+        Ok(true) => {}
+        Ok(false) => {
+            semihosting::eprintln!(
+                "{} {} is up, but nobody is on its link: there are no files {:?} and {:?} in the working \
+                 directory. `host-sim pil` makes them and talks to it. Ends after {} s.",
+                env!("CARGO_PKG_NAME"),
+                env!("CARGO_PKG_VERSION"),
+                line::REQUESTS,
+                line::RESPONSES,
+                ALONE.as_secs(),
+            );
+            Timer::after(ALONE).await;
+            Exit::Shutdown.now()
+        }
+        Err(_) => Exit::Spawn.now(),
+    }
+}

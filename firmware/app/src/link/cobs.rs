@@ -1,0 +1,157 @@
+//! Consistent overhead byte stuffing (Cheshire and Baker, 1999): takes the zeros out of a frame.
+//!
+//! Each block is a code byte `n` and `n - 1` bytes without zero; a zero follows it in the original unless `n` is 255 or
+//! the frame ends there. [`encode`] writes a whole frame at once. [`Unstuffer`] takes one byte at a time, as a receiver
+//! gets them, and says what each of them stands for; where the bytes go is its caller's business.
+
+/// Largest number of bytes in one block without its code.
+const BLOCK: usize = 254;
+
+/// Bytes that always suffice for `len` bytes stuffed, without the closing zero.
+#[must_use]
+pub const fn max_encoded_len(len: usize) -> usize {
+    len + len / BLOCK + 1
+}
+
+/// Stuffs `plain` into `out`, without a closing zero, and returns the number of bytes; nothing when it does not fit.
+#[must_use]
+pub fn encode(plain: &[u8], out: &mut [u8]) -> Option<usize> {
+    let mut used: usize = 0;
+    for mut run in plain.split(|&byte| byte == 0) {
+        while let Some((block, rest)) = run.split_at_checked(BLOCK) {
+            used = used.checked_add(put_block(block, out.get_mut(used..)?)?)?;
+            run = rest;
+        }
+        used = used.checked_add(put_block(run, out.get_mut(used..)?)?)?;
+    }
+    Some(used)
+}
+
+/// Writes code and bytes of one block; at most [`BLOCK`] bytes, none of them zero.
+fn put_block(block: &[u8], out: &mut [u8]) -> Option<usize> {
+    let (code, rest) = out.split_first_mut()?;
+    *code = u8::try_from(block.len()).ok()?.checked_add(1)?;
+    let space = rest.get_mut(..block.len())?;
+    for (slot, byte) in space.iter_mut().zip(block) {
+        *slot = *byte;
+    }
+    block.len().checked_add(1)
+}
+
+/// What a byte taken from the line stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unstuffed {
+    /// Nothing by itself: the code of a block behind which no zero was due.
+    Nothing,
+    /// One byte of the frame.
+    Byte(u8),
+    /// The end of a frame that had at least one byte on the line.
+    End,
+    /// The end of a frame whose last block was cut short.
+    Cut,
+    /// A closing zero with nothing before it.
+    Empty,
+}
+
+/// Takes the stuffing out of a stream of bytes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unstuffer {
+    /// Bytes that are still to come in the present block.
+    in_block: u8,
+    /// Whether a zero stands between the present block and the next.
+    zero_due: bool,
+    /// Whether a byte of the present frame has come.
+    begun: bool,
+}
+
+impl Unstuffer {
+    /// Unstuffer at the beginning of a frame.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { in_block: 0, zero_due: false, begun: false }
+    }
+
+    /// Takes the next byte from the line.
+    #[inline]
+    pub fn push(&mut self, byte: u8) -> Unstuffed {
+        if byte == 0 {
+            let end = match (self.begun, self.in_block) {
+                (false, _) => Unstuffed::Empty,
+                (true, 0) => Unstuffed::End,
+                (true, _) => Unstuffed::Cut,
+            };
+            *self = Self::new();
+            return end;
+        }
+        self.begun = true;
+        if let Some(left) = self.in_block.checked_sub(1) {
+            self.in_block = left;
+            return Unstuffed::Byte(byte);
+        }
+        let zero_before = self.zero_due;
+        self.in_block = byte.wrapping_sub(1);
+        self.zero_due = byte != u8::MAX;
+        if zero_before { Unstuffed::Byte(0) } else { Unstuffed::Nothing }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec;
+    use std::vec::Vec;
+
+    fn stuff(plain: &[u8]) -> Vec<u8> {
+        let mut out = vec![0; max_encoded_len(plain.len())];
+        let len = encode(plain, &mut out).unwrap();
+        out.truncate(len);
+        out
+    }
+
+    fn unstuff(stuffed: &[u8]) -> (Vec<u8>, Unstuffed) {
+        let mut unstuffer = Unstuffer::new();
+        let mut plain = Vec::new();
+        for &byte in stuffed.iter().chain(&[0]) {
+            match unstuffer.push(byte) {
+                Unstuffed::Nothing => {}
+                Unstuffed::Byte(byte) => plain.push(byte),
+                end => return (plain, end),
+            }
+        }
+        unreachable!("a zero ends every frame")
+    }
+
+    #[test]
+    fn blocks_of_254_bytes_are_split_as_the_paper_says() {
+        assert_eq!(stuff(&[0]), [1, 1]);
+        assert_eq!(stuff(&[1, 2, 0, 3]), [3, 1, 2, 2, 3]);
+        let long = [7; 255];
+        let stuffed = stuff(&long);
+        assert_eq!((stuffed[0], stuffed[255], stuffed[256]), (255, 2, 7));
+    }
+
+    #[test]
+    fn a_buffer_one_byte_short_is_refused() {
+        for len in [0, 1, 253, 254, 255, 508] {
+            let plain = vec![1; len];
+            let needed = stuff(&plain).len();
+            assert_eq!(encode(&plain, &mut vec![0; needed - 1]), None, "{len}");
+        }
+    }
+
+    proptest! {
+        /// Runs are drawn so that lengths around 254 and many zeros both occur.
+        #[test]
+        fn stuffed_bytes_have_no_zero_and_agree_with_the_cobs_crate(
+            runs in prop::collection::vec((any::<u8>(), 0usize..520), 0..4),
+        ) {
+            let plain: Vec<u8> = runs.iter().flat_map(|&(byte, len)| vec![byte % 3; len]).collect();
+            let stuffed = stuff(&plain);
+            prop_assert!(!stuffed.contains(&0));
+            prop_assert_eq!(unstuff(&stuffed), (plain.clone(), Unstuffed::End));
+            prop_assert_eq!(&::cobs::decode_vec(&stuffed).unwrap(), &plain);
+            prop_assert_eq!(unstuff(&::cobs::encode_vec(&plain)).0, plain);
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! How many requests have been taken from the line and not yet been answered on it.
+//!
+//! A line whose read blocks the whole processor (semihosting) must not be read while an answer is still on its way: the
+//! host would wait for the answer and the processor for the host. Such a line awaits [`InFlight::quiet`] first.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::signal::Signal;
+
+/// Count of unanswered requests. All its users run in one executor.
+pub struct InFlight<M: RawMutex> {
+    count: AtomicU32,
+    emptied: Signal<M, ()>,
+}
+
+impl<M: RawMutex> InFlight<M> {
+    pub(super) const fn new() -> Self {
+        Self { count: AtomicU32::new(0), emptied: Signal::new() }
+    }
+
+    /// One request was taken from the line.
+    pub(super) fn taken(&self) {
+        self.count.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// `answered` responses have left on the line.
+    pub(super) fn answered(&self, answered: u32) {
+        if self.count.fetch_sub(answered, Ordering::Relaxed) == answered {
+            self.emptied.signal(());
+        }
+    }
+
+    /// Waits until every request has been answered on the line. One task only may wait.
+    pub async fn quiet(&self) {
+        // The signal may be left over from an earlier time, so the count decides.
+        while self.count.load(Ordering::Relaxed) != 0 {
+            self.emptied.wait().await;
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! The link's line in QEMU: two files of the host, reached by semihosting.
+//!
+//! The host makes a pair of FIFOs in QEMU's working directory; their names are fixed. A read stops the whole emulated
+//! processor until bytes come, so it waits until every request has been answered. In return the exchange is in lockstep:
+//! with QEMU's `-icount` the firmware's time does not depend on the host's speed. A read of zero bytes means that the
+//! host has closed its end.
+
+use core::ffi::CStr;
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use kou_app::tasks::InFlight;
+use semihosting::fs::File;
+use semihosting::io::{self, Read as _, Write as _};
+
+/// Name of the file from which requests are read.
+pub const REQUESTS: &CStr = c"kou-link.requests";
+/// Name of the file to which responses are written.
+pub const RESPONSES: &CStr = c"kou-link.responses";
+
+/// End of the line from which requests come.
+pub struct Requests<M: RawMutex + 'static> {
+    file: File,
+    in_flight: &'static InFlight<M>,
+}
+
+/// End of the line into which responses go.
+pub struct Responses {
+    file: File,
+}
+
+/// Opens the line, requests first: the host opens its ends in the same order.
+///
+/// # Errors
+/// When there is no such file: nobody is there to talk to.
+pub fn open<M: RawMutex>(in_flight: &'static InFlight<M>) -> io::Result<(Requests<M>, Responses)> {
+    let requests = Requests { file: File::open(REQUESTS)?, in_flight };
+    let responses = Responses { file: File::create(RESPONSES)? };
+    Ok((requests, responses))
+}
+
+impl<M: RawMutex> ErrorType for Requests<M> {
+    type Error = ErrorKind;
+}
+
+impl<M: RawMutex> Read for Requests<M> {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.in_flight.quiet().await;
+        self.file.read(buffer).map_err(|_| ErrorKind::Other)
+    }
+}
+
+impl ErrorType for Responses {
+    type Error = ErrorKind;
+}
+
+impl Write for Responses {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        self.file.write(bytes).map_err(|_| ErrorKind::Other)
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        Ok(())
+    }
+}

@@ -1,0 +1,119 @@
+//! Time driver: timer 0 counts for ever, timer 1 rings for the next task that sleeps.
+//!
+//! Both are 32-bit down-counters at the processor's clock. Timer 0 wraps every 172 s; its interrupt counts the wraps.
+
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::Waker;
+
+use critical_section::{CriticalSection, Mutex};
+use embassy_time_driver::Driver;
+use embassy_time_queue_utils::Queue;
+
+use crate::registers::{read, write};
+use crate::vectors::Interrupt;
+
+/// Counts of the processor's clock in a microsecond.
+const COUNTS_PER_US: u64 = 25;
+
+const TIMER0: usize = 0x4000_0000;
+const TIMER1: usize = 0x4000_1000;
+/// Offsets of a CMSDK timer's registers.
+const CTRL: usize = 0x0;
+const VALUE: usize = 0x4;
+const RELOAD: usize = 0x8;
+const INTERRUPT: usize = 0xC;
+/// Bits of CTRL.
+const ENABLE: u32 = 1 << 0;
+const INTERRUPT_ENABLE: u32 = 1 << 3;
+
+struct CmsdkTimers {
+    wraps: AtomicU32,
+    queue: Mutex<RefCell<Queue>>,
+}
+
+embassy_time_driver::time_driver_impl!(static DRIVER: CmsdkTimers = CmsdkTimers {
+    wraps: AtomicU32::new(0),
+    queue: Mutex::new(RefCell::new(Queue::new())),
+});
+
+impl CmsdkTimers {
+    /// Makes timer 1 ring at `at`; false when that is past.
+    fn ring_at(&self, at: u64) -> bool {
+        write(TIMER1 + CTRL, 0);
+        write(TIMER1 + INTERRUPT, 1);
+        if at == u64::MAX {
+            return true;
+        }
+        let Some(delay_us) = at.checked_sub(self.now()).filter(|&delay| delay > 0) else { return false };
+        // A delay beyond the counter's span rings early, finds nothing due, and is set again.
+        let counts = u32::try_from(delay_us.saturating_mul(COUNTS_PER_US)).unwrap_or(u32::MAX);
+        write(TIMER1 + RELOAD, counts);
+        write(TIMER1 + VALUE, counts);
+        write(TIMER1 + CTRL, ENABLE | INTERRUPT_ENABLE);
+        true
+    }
+
+    /// Wakes what is due and sets timer 1 for what comes next.
+    fn serve(&self, cs: CriticalSection<'_>) {
+        let mut queue = self.queue.borrow(cs).borrow_mut();
+        let mut next = queue.next_expiration(self.now());
+        while !self.ring_at(next) {
+            next = queue.next_expiration(self.now());
+        }
+    }
+}
+
+impl Driver for CmsdkTimers {
+    fn now(&self) -> u64 {
+        if read(TIMER0 + CTRL) & ENABLE == 0 {
+            return 0;
+        }
+        let (wraps, value) = critical_section::with(|_| {
+            let value = read(TIMER0 + VALUE);
+            let wraps = self.wraps.load(Ordering::Relaxed);
+            if read(TIMER0 + INTERRUPT) == 0 {
+                (wraps, value)
+            } else {
+                // Wrapped, and the interrupt waits for this critical section: the value read may be of either side.
+                (wraps.wrapping_add(1), read(TIMER0 + VALUE))
+            }
+        });
+        ((u64::from(wraps) << 32) | u64::from(u32::MAX - value)) / COUNTS_PER_US
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        critical_section::with(|cs| {
+            if self.queue.borrow(cs).borrow_mut().schedule_wake(at, waker) {
+                self.serve(cs);
+            }
+        });
+    }
+}
+
+/// Starts both timers' interrupts and the count.
+pub(crate) fn init() {
+    write(TIMER0 + RELOAD, u32::MAX);
+    write(TIMER0 + VALUE, u32::MAX);
+    write(TIMER0 + CTRL, ENABLE | INTERRUPT_ENABLE);
+    for interrupt in [Interrupt::Timer0, Interrupt::Timer1] {
+        #[allow(unsafe_code, reason = "unmasking an interrupt can break a critical section based on masking")]
+        // SAFETY: critical sections on this board disable interrupts altogether and mask none.
+        unsafe {
+            cortex_m::peripheral::NVIC::unmask(interrupt);
+        }
+    }
+}
+
+/// Interrupt of timer 0.
+pub(crate) extern "C" fn on_wrap() {
+    critical_section::with(|_| {
+        write(TIMER0 + INTERRUPT, 1);
+        DRIVER.wraps.store(DRIVER.wraps.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+    });
+}
+
+/// Interrupt of timer 1.
+pub(crate) extern "C" fn on_alarm() {
+    critical_section::with(|cs| DRIVER.serve(cs));
+}

@@ -1,0 +1,98 @@
+//! The calibrated law: the leakage coefficient as a normalised quadratic of pump speed, pressure and oil temperature.
+//!
+//! With `x = n_p/n_max`, `y = p_H/p_max`, `z = T_b/T_max` (Wang et al., eqs. 4, 17 and 18):
+//!
+//! ```text
+//! Kou = a11 x^2 + a22 y^2 + a33 z^2 + a12 xy + a13 xz + a23 yz + b1 x + b2 y + b3 z + c
+//! ```
+//!
+//! The derivation and the conversion to physical coefficients: `docs/law.md`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
+
+/// Coefficients and normalisers as they stand in a calibration. All coefficients are in (L/min)/MPa.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LawConfig {
+    /// Of x^2.
+    pub a11: f32,
+    /// Of y^2.
+    pub a22: f32,
+    /// Of z^2.
+    pub a33: f32,
+    /// Of xy.
+    pub a12: f32,
+    /// Of xz.
+    pub a13: f32,
+    /// Of yz.
+    pub a23: f32,
+    /// Of x.
+    pub b1: f32,
+    /// Of y.
+    pub b2: f32,
+    /// Of z.
+    pub b3: f32,
+    /// Constant term.
+    pub c: f32,
+    /// Normaliser of pump speed.
+    #[serde(rename = "n_max_rpm")]
+    pub n_max: RevPerMin,
+    /// Normaliser of pressure, gauge.
+    #[serde(rename = "p_max_mpa")]
+    pub p_max: Megapascal,
+    /// Normaliser of oil temperature.
+    #[serde(rename = "t_max_c")]
+    pub t_max: Celsius,
+    /// Standard error of the coefficient by the law: root mean square residual of the fit, per degree of freedom.
+    #[serde(rename = "residual_se")]
+    pub residual_se: LeakageCoefficient,
+}
+
+/// The law ready for evaluation. Made by [`crate::Params::new`] only, so its numbers are known to be sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    config: LawConfig,
+    per_n_max: f32,
+    per_p_max: f32,
+    per_t_max: f32,
+}
+
+impl Law {
+    /// Prepares a law whose configuration has been checked.
+    pub(crate) fn from_checked(config: LawConfig) -> Self {
+        Self {
+            config,
+            per_n_max: 1.0 / config.n_max.get(),
+            per_p_max: 1.0 / config.p_max.get(),
+            per_t_max: 1.0 / config.t_max.get(),
+        }
+    }
+
+    /// The operating point in the law's normalised variables x, y, z.
+    #[inline(always)]
+    #[must_use]
+    pub fn normalised(&self, n_p: RevPerMin, p_h: Megapascal, t_b: Celsius) -> [f32; 3] {
+        [n_p.get() * self.per_n_max, p_h.get() * self.per_p_max, t_b.get() * self.per_t_max]
+    }
+
+    /// The coefficient at the normalised operating point. May be negative: a quadratic knows no bounds.
+    #[inline(always)]
+    #[must_use]
+    pub fn evaluate(&self, [x, y, z]: [f32; 3]) -> LeakageCoefficient {
+        let k = &self.config;
+        // Nested so that nine multiplications do: c + x(b1 + a11 x + a12 y + a13 z) + y(b2 + a22 y + a23 z) + z(b3 + a33 z).
+        LeakageCoefficient(
+            k.c + x * (k.b1 + k.a11 * x + k.a12 * y + k.a13 * z)
+                + y * (k.b2 + k.a22 * y + k.a23 * z)
+                + z * (k.b3 + k.a33 * z),
+        )
+    }
+
+    /// Standard error of the coefficient by the law.
+    #[must_use]
+    pub fn residual_se(&self) -> LeakageCoefficient {
+        self.config.residual_se
+    }
+}

@@ -1,0 +1,69 @@
+//! Checked parameters: a calibration that has passed every check, prepared for evaluation.
+
+use crate::calibration::check::{self, CalibrationError};
+use crate::calibration::{Calibration, Limits, Output, SensorErrors, SensorRanges};
+use crate::law::Law;
+use crate::oil::{Compression, OilConfig};
+use crate::reduced::{ReducedConfig, ReducedModel};
+use crate::region::RegionConfig;
+use crate::units::Megapascal;
+
+/// Everything a step needs to know. Immutable; may be swapped for another between two steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Params {
+    pub(crate) reduced: ReducedModel,
+    pub(crate) law: Law,
+    pub(crate) region: RegionConfig,
+    pub(crate) errors: SensorErrors,
+    pub(crate) ranges: SensorRanges,
+    pub(crate) limits: Limits,
+    pub(crate) output: Output,
+    pub(crate) low_pressure: Megapascal,
+}
+
+impl Params {
+    /// Checks a calibration and prepares it.
+    ///
+    /// # Errors
+    /// The first field that is not finite, out of range or inconsistent with another.
+    pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
+        check::all(calibration)?;
+        Ok(Self {
+            reduced: ReducedModel::from_checked(
+                calibration.reduced,
+                Compression::from_checked(&calibration.oil),
+            ),
+            law: Law::from_checked(calibration.law),
+            region: calibration.region,
+            errors: calibration.sensor_errors,
+            ranges: calibration.sensor_ranges,
+            limits: calibration.limits,
+            output: calibration.machine.output,
+            low_pressure: calibration.machine.low_pressure,
+        })
+    }
+
+    /// The reduced model.
+    #[must_use]
+    pub fn reduced(&self) -> &ReducedModel {
+        &self.reduced
+    }
+
+    /// The leakage law.
+    #[must_use]
+    pub fn law(&self) -> &Law {
+        &self.law
+    }
+}
+
+impl ReducedModel {
+    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one exists.
+    ///
+    /// # Errors
+    /// The first field that is not finite or out of range.
+    pub fn new(reduced: &ReducedConfig, oil: &OilConfig) -> Result<Self, CalibrationError> {
+        check::oil(oil)?;
+        check::reduced(reduced)?;
+        Ok(Self::from_checked(*reduced, Compression::from_checked(oil)))
+    }
+}

@@ -1,0 +1,98 @@
+//! Why a run through the firmware did not come to its end.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use kou_app::link::{EncodeError, Refusal};
+
+/// Command that installs QEMU on Debian and its descendants.
+pub const INSTALL_QEMU: &str = "sudo apt-get install --no-install-recommends qemu-system-arm";
+/// Commands that build the firmware for QEMU, from the workspace's root.
+pub const BUILD_FIRMWARE: &str = "cd firmware/boards/qemu-mps2-an386 && cargo build --release";
+
+/// What the firmware printed in plain text, most often a panic or a fault; empty where it printed nothing.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Printed(pub String);
+
+impl fmt::Display for Printed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.trim() {
+            "" => Ok(()),
+            text => write!(f, "; it printed:\n{text}"),
+        }
+    }
+}
+
+/// Why a run through the firmware did not come to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum PilError {
+    /// QEMU is not installed.
+    #[error("`{program}` was not found; install it with `{INSTALL_QEMU}` or what your system has instead")]
+    QemuMissing {
+        /// Program that was looked for.
+        program: String,
+    },
+    /// The firmware has not been built.
+    #[error("there is no firmware at {}; build it with `{BUILD_FIRMWARE}`", path.display())]
+    FirmwareMissing {
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// The operating system refused something.
+    #[error("{doing}: {cause}")]
+    System {
+        /// What was being done.
+        doing: &'static str,
+        /// Why it failed.
+        cause: std::io::Error,
+    },
+    /// The firmware is silent.
+    #[error("the firmware did not answer within {} s{printed}", after.as_secs_f64())]
+    Timeout {
+        /// How long it was waited for.
+        after: Duration,
+        /// What the firmware printed.
+        printed: Printed,
+    },
+    /// QEMU ended before its time.
+    #[error("the firmware ended with exit code {}{printed}", code_text(*code))]
+    Ended {
+        /// Exit code, where there is one: a killed process has none.
+        code: Option<i32>,
+        /// What the firmware printed.
+        printed: Printed,
+    },
+    /// The firmware refused the calibration.
+    #[error("the firmware refused the calibration: {0}")]
+    CalibrationRefused(Refusal<String>),
+    /// The firmware speaks another version of the link's protocol.
+    #[error("the firmware speaks version {firmware} of the link's protocol, this program version {host}")]
+    Version {
+        /// The firmware's version.
+        firmware: u16,
+        /// This program's version.
+        host: u16,
+    },
+    /// The firmware answered something else than it was asked.
+    #[error("unexpected answer of the firmware to {request}: {answer}")]
+    Unexpected {
+        /// What was asked.
+        request: &'static str,
+        /// What was answered.
+        answer: String,
+    },
+    /// A message does not fit into a frame.
+    #[error("{0}")]
+    Encode(#[from] EncodeError),
+}
+
+fn code_text(code: Option<i32>) -> String {
+    code.map_or_else(|| "none (killed)".into(), |code| code.to_string())
+}
+
+impl PilError {
+    pub(super) fn system(doing: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        move |cause| Self::System { doing, cause }
+    }
+}

@@ -1,0 +1,130 @@
+//! One QEMU process: found, started, watched, and never left behind.
+
+use std::ffi::OsStr;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+use super::PilOptions;
+use super::error::{PilError, Printed};
+
+/// Bytes of the firmware's log that are kept; it logs transitions, so a real log is far shorter.
+const MAX_LOG: u64 = 4 << 20;
+
+/// A running QEMU. Dropped, it is killed.
+pub(super) struct Qemu {
+    child: Child,
+    log: Option<JoinHandle<Vec<u8>>>,
+    printed: Option<JoinHandle<Vec<u8>>>,
+}
+
+impl Qemu {
+    /// Starts the firmware, with `arguments` as its command line and `directory` as the place of its files.
+    pub(super) fn start(
+        options: &PilOptions,
+        arguments: &[&str],
+        directory: &Path,
+    ) -> Result<Self, PilError> {
+        let elf = &options.firmware_elf;
+        let elf = elf.canonicalize().map_err(|_| PilError::FirmwareMissing { path: elf.clone() })?;
+        let mut command = Command::new(&options.qemu);
+        command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"]);
+        if options.deterministic {
+            command.args(["-icount", "shift=5,sleep=off"]);
+        }
+        let mut semihosting = String::from("enable=on,target=native");
+        for argument in arguments {
+            semihosting.push_str(",arg=");
+            semihosting.push_str(argument);
+        }
+        command.args(["-semihosting-config", &semihosting]).arg("-kernel").arg(&elf);
+        command.current_dir(directory).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|cause| match cause.kind() {
+            ErrorKind::NotFound => {
+                PilError::QemuMissing { program: options.qemu.to_string_lossy().into_owned() }
+            }
+            _ => PilError::System { doing: "starting QEMU", cause },
+        })?;
+        let log = child.stdout.take().map(keep);
+        let printed = child.stderr.take().map(keep);
+        Ok(Self { child, log, printed })
+    }
+
+    /// Waits for QEMU to end by itself and returns its exit code.
+    pub(super) fn wait(&mut self, limit: Duration) -> Result<Option<i32>, PilError> {
+        let start = Instant::now();
+        let mut pause = Duration::from_micros(200);
+        loop {
+            if let Some(status) = self.child.try_wait().map_err(PilError::system("waiting for QEMU"))? {
+                return Ok(status.code());
+            }
+            if start.elapsed() >= limit {
+                self.kill();
+                return Err(PilError::Timeout { after: limit, printed: self.printed() });
+            }
+            sleep(pause);
+            pause = (pause * 2).min(Duration::from_millis(20));
+        }
+    }
+
+    /// Whether QEMU has ended.
+    pub(super) fn has_ended(&mut self) -> bool {
+        !matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// Ends QEMU at once; does nothing when it has ended.
+    pub(super) fn kill(&mut self) {
+        // Both fail only when there is no such process any more.
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+
+    /// The firmware's log as defmt wrote it, once. Call it after the end: it waits for it.
+    pub(super) fn log(&mut self) -> Vec<u8> {
+        self.log.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
+    }
+
+    /// What firmware and QEMU printed as text, once. Call it after the end: it waits for it.
+    pub(super) fn printed(&mut self) -> Printed {
+        let bytes = self.printed.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        Printed(String::from_utf8_lossy(&bytes).into_owned())
+    }
+}
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Keeps what comes, up to a limit, and reads on beyond it, so that the writer never blocks.
+fn keep(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    spawn(move || {
+        let mut kept = Vec::new();
+        // A failing pipe ends the log; the exit code tells the rest.
+        drop(from.by_ref().take(MAX_LOG).read_to_end(&mut kept));
+        drop(std::io::copy(&mut from, &mut std::io::sink()));
+        kept
+    })
+}
+
+/// Name of the firmware's binary.
+const FIRMWARE: &str = "kou-qemu-mps2-an386";
+
+/// The firmware's binary `name` in the target folder that holds this program, or else below the working directory.
+pub(super) fn find_binary(name: impl AsRef<OsStr>) -> PathBuf {
+    let below = |target: &Path| target.join("thumbv7em-none-eabihf").join("release").join(name.as_ref());
+    let own = std::env::current_exe().unwrap_or_default();
+    own.ancestors()
+        .skip(1)
+        .map(below)
+        .find(|path| path.is_file())
+        .unwrap_or_else(|| below(Path::new(&std::env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into()))))
+}
+
+/// The firmware.
+pub(super) fn find_firmware() -> PathBuf {
+    find_binary(FIRMWARE)
+}

@@ -1,0 +1,9 @@
+//! Replay: a recorded log through the estimator, sample by sample, exactly as the firmware would see it.
+
+mod output;
+mod plot;
+mod summary;
+
+pub use output::EstimateWriter;
+pub use plot::{Trace, draw};
+pub use summary::{Figures, Summary, reason_label};

@@ -1,0 +1,357 @@
+//! The main job on the shipped synthetic records: identify, calibrate, replay; and what bad input is answered with.
+
+mod support;
+
+use kou_estimator::calibration::record;
+use support::{Folder, failure, host_sim, json, root};
+
+const MACHINE: &str = "host-sim/machines/reference.toml";
+const BENCH: &str = "tests/data/bench_45.csv";
+const DRIVE: &str = "tests/data/drive.csv";
+
+fn identify(folder: &Folder, name: &str) -> serde_json::Value {
+    let out = folder.path(name);
+    json(["identify", "--bench", BENCH, "--machine", MACHINE, "--out", out.to_str().unwrap(), "--json"])
+}
+
+/// The truth beside each point of the shipped bench table.
+fn truth() -> Vec<f64> {
+    let text = std::fs::read_to_string(root().join(BENCH)).unwrap();
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .skip(1)
+        .map(|line| line.rsplit(',').next().unwrap().parse().unwrap())
+        .collect()
+}
+
+#[test]
+fn val_identified_coefficients_agree_with_the_synthetic_truth() {
+    let folder = Folder::new();
+    let report = identify(&folder, "cal.toml");
+    let points = report["points"].as_array().unwrap();
+    assert_eq!(points.len(), 45);
+    let mut sum = 0.0;
+    for (point, truth) in points.iter().zip(truth()) {
+        sum += (point["kou"].as_f64().unwrap() / truth - 1.0).abs();
+    }
+    let mean_pct = 100.0 * sum / 45.0;
+    println!("mean error of Kou {mean_pct:.2} %, of the ratio {} %", report["ratio_error_mean_pct"]);
+    // 0.028 % of ratio (two speeds at 0.02 %) is 0.36 to 2.5 % of Kou over the grid (design: 1 % is 14 to 65 %), and
+    // the mean magnitude of a normal error is 0.8 sigma: about 0.7 %. Twice that is a wrong inverse, not noise.
+    assert!(mean_pct < 1.5, "{mean_pct}");
+    // Noise of 0.028 % and the misfit of a quadratic to a truth that is none.
+    assert!(report["ratio_error_mean_pct"].as_f64().unwrap() < 0.06);
+    assert_eq!(report["dropped_terms"].as_array().unwrap().len(), 0);
+    assert!(report["condition_number"].as_f64().unwrap() < 200.0);
+    for name in ["a11", "a22", "a33", "a12", "a13", "a23", "b1", "b2", "b3", "c"] {
+        assert!(report["law"]["normalised"][name].is_number() && report["law"]["physical"][name].is_number());
+    }
+}
+
+#[test]
+fn replay_judges_the_drive_and_names_every_fault_that_was_put_in() {
+    let folder = Folder::new();
+    identify(&folder, "cal.toml");
+    let (cal, est, svg) = (folder.path("cal.toml"), folder.path("est.csv"), folder.path("est.svg"));
+    let arguments = [
+        "replay",
+        "--log",
+        DRIVE,
+        "--calibration",
+        cal.to_str().unwrap(),
+        "--out",
+        est.to_str().unwrap(),
+        "--plot",
+        svg.to_str().unwrap(),
+        "--json",
+    ];
+    let report = json(arguments);
+    assert_eq!(report["samples"], 4800);
+    // Row ranges of the generator.
+    for (reason, count) in [
+        ("p_h:open", 20),
+        ("p_h:not_finite", 5),
+        ("p_h:out_of_range", 5),
+        ("n_m:missing", 30),
+        ("n_m:stuck", 10),
+        ("t_b:short", 30),
+        ("t_b:not_finite", 5),
+        ("displacement_too_small", 200),
+    ] {
+        assert_eq!(report["rejected"][reason], count, "{reason}");
+    }
+    let rejected: u64 = report["rejected"].as_object().unwrap().values().map(|v| v.as_u64().unwrap()).sum();
+    assert_eq!(report["accepted"].as_u64().unwrap() + rejected, 4800);
+    assert!(report["samples_per_s"].as_f64().unwrap() > 0.0 && report["kou_mean"].as_f64().unwrap() > 0.0);
+
+    // The leak that begins at 340 s is 1.35 times the law; before, the machine is as calibrated.
+    let text = std::fs::read_to_string(est).unwrap();
+    let mut lines = text.lines();
+    let column = lines.next().unwrap().split(',').position(|c| c == "wear_ratio").unwrap();
+    let (mut before, mut after) = (Vec::new(), Vec::new());
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let Ok(wear) = cells[column].parse::<f64>() else { continue };
+        let time: f64 = cells[0].parse().unwrap();
+        if time < 340.0 { before.push(wear) } else { after.push(wear) }
+    }
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    println!("wear ratio {:.4} before the leak, {:.4} after", mean(&before), mean(&after));
+    // The law misses the truth by some 0.8 % (its residual); means over thousands of samples have no noise left.
+    assert!((mean(&before) - 1.0).abs() < 0.02, "{}", mean(&before));
+    assert!((mean(&after) - 1.35).abs() < 0.03, "{}", mean(&after));
+    assert!(std::fs::read_to_string(svg).unwrap().matches("<circle").count() > 500 * 5);
+}
+
+#[test]
+fn shipped_records_are_what_the_committed_generator_makes() {
+    let folder = Folder::new();
+    let (bench, drive) = (folder.path("b.csv"), folder.path("d.csv"));
+    let output = host_sim([
+        "synth",
+        "--machine",
+        MACHINE,
+        "--seed",
+        "1",
+        "--out",
+        bench.to_str().unwrap(),
+        "--drive",
+        drive.to_str().unwrap(),
+    ]);
+    assert!(output.status.success());
+    for (made, shipped) in [(bench, BENCH), (drive, DRIVE)] {
+        let shipped = std::fs::read_to_string(root().join(shipped)).unwrap();
+        assert!(shipped.starts_with("# SYNTHETIC"));
+        assert!(std::fs::read_to_string(made).unwrap() == shipped, "regenerate with `host-sim synth`");
+    }
+}
+
+#[test]
+fn toml_and_record_convert_both_ways_without_loss() {
+    let folder = Folder::new();
+    identify(&folder, "cal.toml");
+    identify(&folder, "cal.bin");
+    let from_toml = host_sim::calibration::read(&folder.path("cal.toml")).unwrap();
+    let from_record = host_sim::calibration::read(&folder.path("cal.bin")).unwrap();
+    assert_eq!(from_toml, from_record);
+    let again = folder.path("again.toml");
+    host_sim::calibration::write(&again, &from_record).unwrap();
+    assert_eq!(std::fs::read(again).unwrap(), std::fs::read(folder.path("cal.toml")).unwrap());
+}
+
+#[test]
+fn prop_every_finite_f32_survives_the_toml_form() {
+    let folder = Folder::new();
+    identify(&folder, "cal.toml");
+    let good = host_sim::calibration::read(&folder.path("cal.toml")).unwrap();
+    // A multiplicative walk through the bit patterns: 20 000 values of every exponent and sign.
+    let mut bits = 1_u32;
+    let mut buffer = [0_u8; record::MAX_LEN];
+    for _ in 0..2_000 {
+        let mut calibration = good.clone();
+        for slot in [
+            &mut calibration.law.a11,
+            &mut calibration.law.a22,
+            &mut calibration.law.a33,
+            &mut calibration.law.c,
+        ] {
+            bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let value = f32::from_bits(bits);
+            *slot = if value.is_finite() { value } else { -0.0 };
+        }
+        let text = host_sim::calibration::to_toml(&calibration).unwrap();
+        let file = host_sim::input::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
+        let back = host_sim::calibration::from_toml(&file).unwrap();
+        // By their records, so that the sign of zero counts.
+        let length = record::encode(&calibration, &mut buffer).unwrap();
+        let wanted = buffer[..length].to_vec();
+        let length = record::encode(&back, &mut buffer).unwrap();
+        assert_eq!(wanted, buffer[..length]);
+    }
+}
+
+#[test]
+fn bad_bench_tables_are_answered_with_file_line_column_value_and_range() {
+    let folder = Folder::new();
+    let out = folder.path("cal.toml");
+    let heading = "n_p_rpm,p_h_mpa,t_b_c,ratio\n";
+    for (text, parts) in [
+        ("1000,310.6,60,0.9\n", &["bench.csv:2", "p_h_mpa", "310.6", "0.5 to 100 MPa"][..]),
+        ("1000,31,333.15,0.9\n", &["bench.csv:2", "t_b_c", "333.15", "-40 to 150 degC"]),
+        ("1000,31,60,0.9\n0,31,60,0.9\n", &["bench.csv:3", "n_p_rpm", "`0`", "1 to 20000 r/min"]),
+        ("1000,31,60,1.3\n", &["bench.csv:2", "ratio", "1.3", "-1.2 to 1.2"]),
+        ("1000,31,60,-0.9\n", &["bench.csv:2", "ratio", "-0.9", "sign of the displacement"]),
+        ("1000,31,60,NaN\n", &["bench.csv:2", "ratio", "NaN"]),
+        ("1000,31,60,\n", &["bench.csv:2", "ratio", "missing"]),
+        ("1000,31,sixty,0.9\n", &["bench.csv:2", "t_b_c", "sixty", "not a number"]),
+        ("1000,31,60\n", &["bench.csv:2", "3 cells", "heading has 4"]),
+        ("1000,31,60,0.999\n", &["bench.csv", "above the leak-free ratio", "0.96"]),
+        ("", &["bench.csv", "no points"]),
+    ] {
+        let bench = folder.write("bench.csv", format!("{heading}{text}"));
+        let error = failure(
+            2,
+            [
+                "identify",
+                "--bench",
+                bench.to_str().unwrap(),
+                "--machine",
+                MACHINE,
+                "--out",
+                out.to_str().unwrap(),
+                "--json",
+            ],
+        );
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+        assert!(!out.exists(), "a calibration was written in spite of: {error}");
+    }
+}
+
+#[test]
+fn points_that_no_leakage_explains_are_named_and_left_out() {
+    let folder = Folder::new();
+    let shipped = std::fs::read_to_string(root().join(BENCH)).unwrap();
+    let mut lines: Vec<String> = shipped.lines().map(str::to_string).collect();
+    // Above the leak-free ratio, which no leakage can explain.
+    lines[10] = "1000.00,30.000,30.00,0.999000,0.04".to_string();
+    let bench = folder.write("bench.csv", lines.join("\n"));
+    let out = folder.path("cal.toml");
+    let report = json([
+        "identify",
+        "--bench",
+        bench.to_str().unwrap(),
+        "--machine",
+        MACHINE,
+        "--out",
+        out.to_str().unwrap(),
+        "--json",
+    ]);
+    assert_eq!(report["points"].as_array().unwrap().len(), 44);
+    assert_eq!(report["refused_points"][0]["line"], 11);
+    assert_eq!(report["refused_points"][0]["reason"], "ratio_above_leak_free");
+}
+
+#[test]
+fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
+    let folder = Folder::new();
+    identify(&folder, "cal.toml");
+    let good = std::fs::read_to_string(folder.path("cal.toml")).unwrap();
+    let replay = |log: &str, calibration: &str, map: Option<&str>| {
+        let mut arguments = vec!["replay", "--log", log, "--calibration", calibration];
+        arguments.extend(map.iter().flat_map(|m| ["--map", m]));
+        failure(2, arguments)
+    };
+    let has = |error: String, parts: &[&str]| {
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+    };
+    let cal = folder.path("cal.toml").to_str().unwrap().to_string();
+    // Logs.
+    let log = folder
+        .write("log.csv", "time_s,n_p_rpm,n_m_rpm,p_h_mpa,t_b_c\n0,1000,900,30,60\n1,1000,fast,30,60\n");
+    has(replay(log.to_str().unwrap(), &cal, None), &["log.csv:3", "n_m_rpm", "fast", "stuck"]);
+    let log = folder.write("log.csv", "time_s,n_p_rpm,n_m_rpm,p_h_mpa\n0,1000,900,30\n");
+    has(replay(log.to_str().unwrap(), &cal, None), &["log.csv", "t_b_c", "n_p_rpm, n_m_rpm"]);
+    let log = folder.write("log.csv", "time_s,n_p_rpm,p_h_mpa,t_b_c\n0,1000,30,60\n");
+    has(replay(log.to_str().unwrap(), &cal, None), &["flow_l_min"]);
+    let log = folder.write("log.csv", "time_s,n_p_rpm,n_m_rpm,p_h_mpa,t_b_c\nlater,1000,900,30,60\n");
+    has(replay(log.to_str().unwrap(), &cal, None), &["log.csv:2", "time_s", "later"]);
+    let log = folder.write("log.csv", b"time_s,n_p_rpm,n_m_rpm,p_h_mpa,t_b_c\n0,\xff\xfe,900,30,60\n");
+    has(replay(log.to_str().unwrap(), &cal, None), &["log.csv", "UTF-8"]);
+    has(replay("no/such/log.csv", &cal, None), &["no/such/log.csv", "cannot be opened"]);
+    // Calibrations.
+    let edits = [
+        (
+            "bulk_modulus_mpa = 1314.0",
+            "bulk_modulus_mpa = 13140.0",
+            &["bulk_modulus_mpa", "13140", "300 to 5000"][..],
+        ),
+        ("bulk_modulus_mpa = 1314.0", "bulk_modulus_mpa = nan", &["bulk_modulus_mpa", "not a finite number"]),
+        ("leaking_chambers = 9.0", "leaking_chambers = 19.0", &["leaking_chambers", "more chambers leak"]),
+        ("air_fraction", "air_faction", &["air_faction"]),
+        ("schema = 1", "schema = 7", &["schema", "7", "allowed: 1"]),
+        ("pump_pistons = 9", "pump_pistons = \"nine\"", &["nine", "u8"]),
+    ];
+    for (from, to, parts) in edits {
+        assert!(good.contains(from), "{from}");
+        let broken = folder.write("broken.toml", good.replace(from, to));
+        let error = replay(DRIVE, broken.to_str().unwrap(), None);
+        let line = good.lines().position(|l| l.contains(from)).unwrap() + 1;
+        has(error.clone(), &[&format!("broken.toml:{line}:"), "column"]);
+        has(error, parts);
+    }
+    // A binary record with a flipped bit.
+    identify(&folder, "cal.bin");
+    let mut bytes = std::fs::read(folder.path("cal.bin")).unwrap();
+    bytes[100] ^= 4;
+    let flipped = folder.write("flipped.bin", bytes);
+    has(replay(DRIVE, flipped.to_str().unwrap(), None), &["flipped.bin", "CRC-32"]);
+    // Maps.
+    let map =
+        folder.write("map.toml", "schema = 1\n[columns]\np_h_mpa = { from = \"PS9\", unit = \"bar\" }\n");
+    has(replay(DRIVE, &cal, Some(map.to_str().unwrap())), &["drive.csv", "PS9", "n_m_rpm"]);
+    let map =
+        folder.write("map.toml", "schema = 1\n[columns]\np_h_mpa = { from = \"PS9\", unit = \"bars\" }\n");
+    has(replay(DRIVE, &cal, Some(map.to_str().unwrap())), &["map.toml:3", "bars", "psi"]);
+}
+
+#[test]
+fn foreign_columns_and_units_give_the_same_estimates_as_our_own() {
+    let folder = Folder::new();
+    identify(&folder, "cal.toml");
+    let cal = folder.path("cal.toml").to_str().unwrap().to_string();
+    let ours = folder.write(
+        "ours.csv",
+        "time_s,n_p_rpm,n_m_rpm,p_h_mpa,t_b_c,alpha\n0,1200,1100,25,60,1\n0.1,1200,1101,26,60,1\n0.2,1200,1102,27,60,1\n",
+    );
+    let theirs = folder.write(
+        "theirs.csv",
+        "t/ms;Drehzahl P;Drehzahl M;Druck;Temperatur\n0;20;18,333333333333332;250;333,15\n\
+         100;20;18,35;260;333,15\n200;20;18,366666666666667;270;-\n",
+    );
+    let map = folder.write(
+        "map.toml",
+        "schema = 1\ndelimiter = \";\"\ndecimal = \",\"\nmissing = [\"-\"]\n[columns]\ntime_s = { from = \"t/ms\", unit = \"ms\" }\n\
+         n_p_rpm = { from = \"Drehzahl P\", unit = \"r/s\" }\nn_m_rpm = { from = \"Drehzahl M\", unit = \"r/s\" }\n\
+         p_h_mpa = { from = \"Druck\", unit = \"bar\" }\nt_b_c = { from = \"Temperatur\", unit = \"K\" }\n\
+         [constants]\nalpha = 1.0\n",
+    );
+    let (a, b) = (folder.path("a.csv"), folder.path("b.csv"));
+    json([
+        "replay",
+        "--log",
+        ours.to_str().unwrap(),
+        "--calibration",
+        &cal,
+        "--out",
+        a.to_str().unwrap(),
+        "--json",
+    ]);
+    let report = json([
+        "replay",
+        "--log",
+        theirs.to_str().unwrap(),
+        "--calibration",
+        &cal,
+        "--map",
+        map.to_str().unwrap(),
+        "--out",
+        b.to_str().unwrap(),
+        "--json",
+    ]);
+    assert_eq!(report["rejected"]["t_b:missing"], 1);
+    let (a, b) = (std::fs::read_to_string(a).unwrap(), std::fs::read_to_string(b).unwrap());
+    for (one, two) in a.lines().zip(b.lines()).take(3) {
+        let pairs = one.split(',').zip(two.split(','));
+        for (x, y) in pairs {
+            match (x.parse::<f64>(), y.parse::<f64>()) {
+                // Conversion rounds to f32 once more: some 1e-7 of ratio, 1e-5 of Kou.
+                (Ok(x), Ok(y)) => assert!((x - y).abs() <= 1e-4 * x.abs(), "{one}\n{two}"),
+                _ => assert_eq!(x, y),
+            }
+        }
+    }
+}

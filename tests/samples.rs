@@ -1,0 +1,127 @@
+//! Samples that visit every branch of the estimator: good ones all over the envelope, and every way to be bad.
+//!
+//! The stream is pseudo-random from a seed and nothing else, so that a failure can be repeated by its number.
+
+use kou_estimator::units::{Celsius, LitrePerMin, Megapascal, Micros, Ratio, RevPerMin};
+use kou_estimator::{Fault, Reading, Sample};
+
+/// SplitMix64 (Steele, Lea and Flood, 2014): small, and good enough to draw test cases.
+#[derive(Debug, Clone)]
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// An index below `count`.
+    pub fn below(&mut self, count: usize) -> usize {
+        usize::try_from(self.bits() % count as u64).unwrap_or(0)
+    }
+
+    /// A number from `min` to `max`.
+    pub fn between(&mut self, min: f32, max: f32) -> f32 {
+        min + (max - min) * ((self.bits() >> 40) as f32 / (1u32 << 24) as f32)
+    }
+
+    /// True once in `of` times.
+    pub fn once_in(&mut self, of: usize) -> bool {
+        self.below(of) == 0
+    }
+}
+
+/// Values that sensors should never give.
+const STRANGE: [f32; 14] = [
+    f32::NAN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    0.0,
+    -0.0,
+    f32::MIN_POSITIVE,
+    1e-42,
+    -1e-42,
+    f32::MAX,
+    f32::MIN,
+    1e6,
+    -1e6,
+    f32::EPSILON,
+    -1.0,
+];
+
+/// An endless stream of samples, 10 ms apart.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    random: Random,
+    time_us: u64,
+}
+
+impl Samples {
+    /// The stream of this seed.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self { random: Random(seed), time_us: 1_000_000 }
+    }
+
+    fn reading<U>(&mut self, good: U, make: impl Fn(f32) -> U) -> Reading<U> {
+        let now = self.time_us;
+        let random = &mut self.random;
+        if !random.once_in(24) {
+            return Reading::new(Micros(now.saturating_sub(random.bits() % 5_000)), good);
+        }
+        match random.below(6) {
+            0 => Reading::failed(Micros(now), Fault::ALL[random.below(Fault::ALL.len())]),
+            1 => Reading::new(Micros(now.saturating_sub(100_000 + random.bits() % 3)), good),
+            2 => Reading::new(Micros(now + 1 + random.bits() % 1000), good),
+            3 => Reading::new(Micros(now), make(STRANGE[random.below(STRANGE.len())])),
+            // Any bits at all: every NaN, every denormal.
+            4 => Reading::new(Micros(now), make(f32::from_bits(random.bits() as u32))),
+            _ => Reading::new(Micros(random.bits()), good),
+        }
+    }
+}
+
+impl Iterator for Samples {
+    type Item = Sample;
+
+    fn next(&mut self) -> Option<Sample> {
+        self.time_us += 10_000;
+        if self.random.once_in(500) {
+            self.time_us = self.random.bits() >> self.random.below(64);
+        }
+        let random = &mut self.random;
+        let n_p = random.between(250.0, 2900.0);
+        let alpha = match random.below(4) {
+            0 => random.between(-1.05, 1.05),
+            1 => -1.0,
+            _ => 1.0,
+        };
+        let p_h = random.between(4.0, 52.0);
+        let p_l = random.between(0.8, 2.5);
+        let t_b = random.between(20.0, 95.0);
+        // Leak-free loss of some 0.1 % per MPa, and now and then more or less than any leakage explains.
+        let loss = 0.001 * p_h + random.between(-0.01, 0.25) * p_h / n_p * 8.0;
+        let n_m = n_p * alpha * (1.0 - loss);
+        let fitted = random.bits();
+        let flow = random.between(0.0, 900.0);
+        let mut sample = Sample::empty(Micros(self.time_us));
+        sample.pump_speed = self.reading(RevPerMin(n_p), RevPerMin);
+        sample.motor_speed = self.reading(RevPerMin(n_m), RevPerMin);
+        sample.high_pressure = self.reading(Megapascal(p_h), Megapascal);
+        sample.oil_temperature = self.reading(Celsius(t_b), Celsius);
+        if fitted & 1 != 0 {
+            sample.low_pressure = self.reading(Megapascal(p_l), Megapascal);
+        }
+        if fitted & 2 != 0 || alpha != 1.0 {
+            sample.displacement = self.reading(Ratio(alpha), Ratio);
+        }
+        if fitted & 12 == 12 {
+            sample.flow = self.reading(LitrePerMin(flow), LitrePerMin);
+        }
+        Some(sample)
+    }
+}

@@ -1,0 +1,56 @@
+//! Instructions and sizes, counted by `firmware/checks/instructions` in QEMU.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+
+use super::{Figure, figure};
+use crate::command::Run;
+use crate::setup::QEMU;
+
+/// One instruction takes 2^10 ns of the guest's time, and time stands still in between: the same count on every run.
+/// The counting firmware relies on exactly this.
+const INSTRUCTION_CLOCK: &str = "shift=10,sleep=off";
+/// It takes a second; a loaded machine may need more.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// Fewest samples that must have been valid, of a thousand, for the worst step to mean anything.
+const MIN_VALID_PER_MILLE: u64 = 300;
+
+/// Runs the counting firmware and reads what it prints.
+pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
+    let words = ["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"];
+    let output = Run::new(QEMU, &words)
+        .args(["-semihosting-config", "enable=on,target=native", "-icount", INSTRUCTION_CLOCK, "-kernel"])
+        .args([elf])
+        .output_within(LIMIT)?;
+    let said = format!("{}{}", output.stdout, output.stderr);
+    ensure!(output.status.success(), "counting instructions failed ({}):\n{said}", output.status);
+    let value = |name: &str| -> Result<u64> {
+        let mut lines = output.stdout.lines().filter_map(|line| line.split_once(' '));
+        let (_, value) = lines
+            .find(|(key, _)| *key == name)
+            .with_context(|| format!("the counting firmware did not print `{name}`. It said:\n{said}"))?;
+        value.trim().parse().with_context(|| format!("`{name} {value}` is no number"))
+    };
+    let (samples, valid) = (value("samples")?, value("samples_valid")?);
+    ensure!(
+        valid * 1000 >= samples * MIN_VALID_PER_MILLE,
+        "only {valid} of {samples} samples were valid: the worst step would be that of a refusal"
+    );
+    [
+        ("law_instructions", "law", "instructions"),
+        ("law_forward_inverse_instructions", "law + forward + inverse", "instructions"),
+        ("step_typical_instructions", "step, typical sample", "instructions"),
+        ("step_worst_instructions", "step, worst of 8000 samples, good and faulty", "instructions"),
+        ("state_bytes", "State", "bytes"),
+        ("params_bytes", "Params", "bytes"),
+        ("sample_bytes", "Sample", "bytes"),
+        ("estimate_bytes", "Estimate", "bytes"),
+        ("calibration_bytes", "Calibration", "bytes"),
+    ]
+    .into_iter()
+    .map(|(key, what, unit)| Ok(figure(key, what, unit, value(key)?)))
+    .collect()
+}

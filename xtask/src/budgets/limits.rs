@@ -1,0 +1,101 @@
+//! The committed limits: `xtask/limits.toml`.
+
+use anyhow::{Context, Result, bail};
+use toml::Table;
+
+use super::Figure;
+
+/// Where they stand.
+const FILE: &str = "xtask/limits.toml";
+const TEXT: &str = include_str!("../../limits.toml");
+
+/// Limits of the budgets and of the number of tests.
+#[derive(Debug)]
+pub struct Limits {
+    budgets: Vec<(String, u64)>,
+    /// Fewest host and QEMU tests that a whole run must execute.
+    pub min_tests: u64,
+}
+
+impl Limits {
+    /// Reads them.
+    pub fn load() -> Result<Self> {
+        Self::parse(TEXT).with_context(|| format!("reading {FILE}"))
+    }
+
+    fn parse(text: &str) -> Result<Self> {
+        let table: Table = text.parse()?;
+        let whole = |name: &str, value: &toml::Value| {
+            let number = value.as_integer().and_then(|value| u64::try_from(value).ok());
+            number.with_context(|| format!("`{name}` must be a whole number, 0 or more"))
+        };
+        let Some(budgets) = table.get("budgets").and_then(toml::Value::as_table) else {
+            bail!("there is no table [budgets]")
+        };
+        let min_tests = table.get("tests").and_then(|tests| tests.get("min_executed"));
+        Ok(Self {
+            budgets: budgets
+                .iter()
+                .map(|(name, value)| Ok((name.clone(), whole(name, value)?)))
+                .collect::<Result<_>>()?,
+            min_tests: whole("tests.min_executed", min_tests.context("there is no tests.min_executed")?)?,
+        })
+    }
+
+    /// The limit of one figure.
+    pub fn of(&self, key: &str) -> Option<u64> {
+        self.budgets.iter().find(|(name, _)| name == key).map(|(_, limit)| *limit)
+    }
+
+    /// Every figure above its limit or without one, and every limit without a figure.
+    pub fn judge(&self, figures: &[Figure]) -> Vec<String> {
+        let mut complaints = Vec::new();
+        for f in figures {
+            match self.of(f.key) {
+                None => complaints.push(format!("`{}` is {} and has no limit in {FILE}", f.key, f.value)),
+                Some(limit) if f.value > limit => complaints.push(format!(
+                    "`{}` is {} {}, above its limit of {limit}. If the cost is worth it, raise the limit in {FILE} \
+                     and say why in the commit",
+                    f.key, f.value, f.unit
+                )),
+                Some(_) => {}
+            }
+        }
+        for (name, _) in &self.budgets {
+            if !figures.iter().any(|f| f.key == name) {
+                complaints.push(format!("{FILE} has a limit for `{name}`, which is no longer measured"));
+            }
+        }
+        complaints
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::budgets::figure;
+
+    #[test]
+    fn committed_limits_are_readable_and_hold_the_two_promised_ones() {
+        let limits = Limits::load().unwrap();
+        assert_eq!(limits.of("law_instructions"), Some(40));
+        assert_eq!(limits.of("law_forward_inverse_instructions"), Some(300));
+    }
+
+    #[test]
+    fn above_without_and_unused_limits_are_complaints() {
+        let limits = Limits::parse("[budgets]\na = 10\nb = 5\nold = 1\n[tests]\nmin_executed = 3").unwrap();
+        let figures = [figure("a", "", "", 10), figure("b", "", "", 6), figure("new", "", "", 0)];
+        let complaints = limits.judge(&figures);
+        assert_eq!(complaints.len(), 3, "{complaints:?}");
+        assert!(complaints[0].contains("`b` is 6"));
+        assert!(complaints[1].contains("`new`"));
+        assert!(complaints[2].contains("`old`"));
+    }
+
+    #[test]
+    fn a_negative_limit_is_refused() {
+        let error = Limits::parse("[budgets]\na = -1\n[tests]\nmin_executed = 3").unwrap_err();
+        assert!(error.to_string().contains("`a` must be"), "{error}");
+    }
+}

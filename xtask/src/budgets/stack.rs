@@ -1,0 +1,186 @@
+//! Worst-case stack depth of the estimator's entry points, from the machine code of the linked binary.
+//!
+//! Every function's frame is the sum of all that its instructions take from the stack, its depth the frame plus the
+//! deepest of the functions it branches to. An upper bound: branches that exclude each other are added up, and a tail
+//! call counts as a call. Calls through registers, recursion and frames of unknown size have no bound and are errors,
+//! so the figure cannot be silently too small.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
+
+use super::thumb::{Effect, decode};
+use super::{Figure, figure};
+
+/// A function of the binary.
+#[derive(Debug, Default)]
+struct Function {
+    name: String,
+    frame: u32,
+    calls: BTreeSet<u32>,
+    /// Why there is no bound.
+    unbounded: Option<&'static str>,
+}
+
+/// All functions by address.
+struct Program {
+    functions: BTreeMap<u32, Function>,
+}
+
+/// The entry points that firmware calls.
+pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
+    let bytes = std::fs::read(elf).with_context(|| format!("reading {}", elf.display()))?;
+    let program = Program::read(&bytes).with_context(|| format!("reading {}", elf.display()))?;
+    let depth = |name: &str| program.depth_of(name).map(u64::from);
+    Ok([
+        figure("step_stack_bytes", "step: stack, static bound", "bytes", depth("kou_step")?),
+        figure(
+            "params_new_stack_bytes",
+            "Params::new: stack, static bound",
+            "bytes",
+            depth("kou_params_new")?,
+        ),
+        figure(
+            "record_decode_stack_bytes",
+            "record decode: stack, static bound",
+            "bytes",
+            depth("kou_record_decode")?,
+        ),
+        figure(
+            "record_encode_stack_bytes",
+            "record encode: stack, static bound",
+            "bytes",
+            depth("kou_record_encode")?,
+        ),
+    ])
+}
+
+impl Program {
+    fn read(bytes: &[u8]) -> Result<Self> {
+        let file = object::File::parse(bytes)?;
+        // Arm's mapping symbols: $t begins code, $d data (literal pools and jump tables) within a section.
+        let mapping: BTreeMap<u32, bool> = file
+            .symbols()
+            .filter_map(|symbol| {
+                let name = symbol.name().ok()?;
+                let code = name.starts_with("$t");
+                (code || name.starts_with("$d")).then_some((symbol.address() as u32, code))
+            })
+            .collect();
+        let is_code = |address: u32| mapping.range(..=address).next_back().is_none_or(|(_, code)| *code);
+
+        let mut functions = BTreeMap::new();
+        for symbol in file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0) {
+            // Bit 0 of a function's address says Thumb.
+            let start = symbol.address() as u32 & !1;
+            let end = start + symbol.size() as u32;
+            let Some(index) = symbol.section_index() else { continue };
+            let section = file.section_by_index(index)?;
+            let offset = (start - section.address() as u32) as usize;
+            let body = section.data()?.get(offset..offset + (end - start) as usize);
+            let body =
+                body.with_context(|| format!("`{}` leaves its section", symbol.name().unwrap_or("?")))?;
+            let name = symbol.name()?.to_owned();
+            functions.insert(start, Function::of(name, start, body, is_code));
+        }
+        Ok(Self { functions })
+    }
+
+    fn depth_of(&self, name: &str) -> Result<u32> {
+        let found = self.functions.iter().find(|(_, function)| function.name == name);
+        let (start, _) = found.with_context(|| format!("the binary has no function `{name}`"))?;
+        self.depth(*start, &mut Vec::new(), &mut BTreeMap::new())
+    }
+
+    fn depth(&self, at: u32, path: &mut Vec<u32>, known: &mut BTreeMap<u32, u32>) -> Result<u32> {
+        if let Some(depth) = known.get(&at) {
+            return Ok(*depth);
+        }
+        let Some(function) = self.functions.get(&at) else {
+            bail!("a branch to {at:#x} leads to no known function; stack depth has no bound")
+        };
+        if let Some(why) = function.unbounded {
+            bail!("`{}` {why}; stack depth has no bound", function.name);
+        }
+        if path.contains(&at) {
+            bail!("`{}` calls itself; stack depth has no bound", function.name);
+        }
+        path.push(at);
+        let mut deepest = 0;
+        for call in &function.calls {
+            deepest = deepest.max(self.depth(*call, path, known)?);
+        }
+        path.pop();
+        let depth = function.frame + deepest;
+        known.insert(at, depth);
+        Ok(depth)
+    }
+}
+
+impl Function {
+    fn of(name: String, start: u32, body: &[u8], is_code: impl Fn(u32) -> bool) -> Self {
+        let mut function = Self { name, ..Self::default() };
+        let own = start..start + body.len() as u32;
+        let mut offset = 0;
+        while offset < body.len() {
+            let address = start + offset as u32;
+            if !is_code(address) {
+                offset += 2;
+                continue;
+            }
+            let Some((length, effect)) = body.get(offset..).and_then(|rest| decode(rest, address)) else {
+                break;
+            };
+            match effect {
+                Effect::None => {}
+                Effect::Takes(bytes) => function.frame += bytes,
+                Effect::TakesUnknown => function.unbounded = Some("takes an unknown amount of stack"),
+                Effect::Goes(to) if own.contains(&to) => {}
+                Effect::Goes(to) | Effect::Calls(to) => {
+                    function.calls.insert(to);
+                }
+                Effect::GoesUnknown => function.unbounded = Some("calls through a register"),
+            }
+            offset += length;
+        }
+        function
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn program(functions: &[(u32, u32, &[u32])]) -> Program {
+        let functions = functions.iter().map(|(at, frame, calls)| {
+            let calls = calls.iter().copied().collect();
+            (*at, Function { name: format!("f{at}"), frame: *frame, calls, unbounded: None })
+        });
+        Program { functions: functions.collect() }
+    }
+
+    #[test]
+    fn depth_is_the_deepest_path() {
+        let p = program(&[(0, 8, &[10, 20]), (10, 100, &[]), (20, 16, &[30]), (30, 96, &[])]);
+        assert_eq!(p.depth_of("f0").unwrap(), 8 + 16 + 96);
+    }
+
+    #[test]
+    fn recursion_and_unknown_targets_are_errors() {
+        let p = program(&[(0, 8, &[10]), (10, 8, &[0]), (20, 8, &[99])]);
+        assert!(p.depth_of("f0").unwrap_err().to_string().contains("calls itself"));
+        assert!(p.depth_of("f20").unwrap_err().to_string().contains("no known function"));
+    }
+
+    #[test]
+    fn a_function_is_read_from_its_code_and_not_from_its_literals() {
+        // push {r7, lr}; bl 0x200; pop {r7, pc}; then a literal that would read as `sub sp, #508`.
+        let halves = [0xb580_u16, 0xf000, 0xf87d, 0xbd80, 0xb0ff, 0xb0ff];
+        let body: Vec<u8> = halves.iter().flat_map(|half| half.to_le_bytes()).collect();
+        let function = Function::of("f".to_owned(), 0x100, &body, |address| address < 0x108);
+        assert_eq!(function.frame, 8);
+        assert_eq!(function.calls, BTreeSet::from([0x200]));
+    }
+}

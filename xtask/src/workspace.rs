@@ -1,0 +1,75 @@
+//! Where things are: the workspace's root, its packages and its target folder.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use crate::command::Run;
+
+/// Target triple of the firmware.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Root of the workspace: the folder above xtask.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
+}
+
+/// A package of the workspace.
+#[derive(Debug)]
+pub struct Package {
+    /// Its name.
+    pub name: String,
+    /// The folder of its manifest.
+    pub folder: PathBuf,
+}
+
+/// What cargo knows of the workspace.
+#[derive(Debug)]
+pub struct Workspace {
+    /// Folder of build results.
+    pub target_dir: PathBuf,
+    /// All packages.
+    pub packages: Vec<Package>,
+}
+
+impl Workspace {
+    /// Asks cargo.
+    pub fn load() -> Result<Self> {
+        let text = Run::cargo(&["metadata", "--no-deps", "--format-version", "1"]).quiet().stdout()?;
+        let metadata: Value =
+            serde_json::from_str(&text).context("reading the output of `cargo metadata`")?;
+        let field = |value: &Value, name: &str| {
+            value[name].as_str().map(str::to_owned).with_context(|| format!("`cargo metadata` has no {name}"))
+        };
+        let mut packages = Vec::new();
+        for package in metadata["packages"].as_array().into_iter().flatten() {
+            let manifest = PathBuf::from(field(package, "manifest_path")?);
+            let folder = manifest.parent().unwrap_or(root()).to_owned();
+            packages.push(Package { name: field(package, "name")?, folder });
+        }
+        Ok(Self { target_dir: field(&metadata, "target_directory")?.into(), packages })
+    }
+
+    /// The packages below a folder of the workspace.
+    pub fn below(&self, folder: &str) -> impl Iterator<Item = &Package> {
+        let folder = root().join(folder);
+        self.packages.iter().filter(move |package| package.folder.starts_with(&folder))
+    }
+
+    /// `--workspace` without the packages that compile for the target only.
+    ///
+    /// Every host build uses this selection: another one would resolve other features and compile crates twice.
+    pub fn host_selection(&self) -> Vec<String> {
+        let mut words = vec!["--workspace".to_owned()];
+        for package in self.below("firmware/boards").chain(self.below("firmware/checks")) {
+            words.extend(["--exclude".to_owned(), package.name.clone()]);
+        }
+        words
+    }
+
+    /// A release binary of the firmware.
+    pub fn firmware_elf(&self, name: &str) -> PathBuf {
+        self.target_dir.join(TARGET).join("release").join(name)
+    }
+}
