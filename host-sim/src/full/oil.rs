@@ -59,7 +59,9 @@ impl OilTable {
     /// When the temperature is outside its range or makes a property vanish.
     pub fn new(oil: &Oil, t_c: f64) -> Result<Self, InputError> {
         if !TEMPERATURE.contains(t_c) {
-            return Err(InputError::new("oil temperature is out of range").with_value(t_c).with_allowed(TEMPERATURE));
+            return Err(InputError::new("oil temperature is out of range")
+                .with_value(t_c)
+                .with_allowed(TEMPERATURE));
         }
         let warmer_k = t_c - oil.reference_c;
         let beta_factor = 1.0 + oil.bulk_modulus_per_k * warmer_k;
@@ -209,12 +211,8 @@ impl OilTable {
             let (a2, a3) = (3.0 * (q - p) - 2.0 * d0 - d1, 2.0 * (p - q) + d0 + d1);
             let (b1, b2, b3) = (d0 / wide, a2 / (wide * wide), a3 / (wide * wide * wide));
             let m = k as f64 - left;
-            self.cell[k] = [
-                p + m * (b1 + m * (b2 + m * b3)),
-                b1 + m * (2.0 * b2 + 3.0 * m * b3),
-                b2 + 3.0 * m * b3,
-                b3,
-            ];
+            self.cell[k] =
+                [p + m * (b1 + m * (b2 + m * b3)), b1 + m * (2.0 * b2 + 3.0 * m * b3), b2 + 3.0 * m * b3, b3];
             p = q;
         }
     }

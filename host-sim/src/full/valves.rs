@@ -71,7 +71,9 @@ impl ReliefLaw {
         Self {
             crack_pa: valve.setting_mpa * 1.0e6 - override_pa,
             rounding_pa: RELIEF_ROUNDING * override_pa,
-            kg_s_per_pa: rho * valve.rated_flow_l_min / 60_000.0 / (override_pa * (1.0 - 0.5 * RELIEF_ROUNDING)),
+            kg_s_per_pa: rho * valve.rated_flow_l_min
+                / 60_000.0
+                / (override_pa * (1.0 - 0.5 * RELIEF_ROUNDING)),
         }
     }
 
@@ -166,6 +168,9 @@ impl ShuttleLaw {
         }
         let full = orifice(self.conductance, p_line, p_to, rho.0, rho.1);
         let by_spool = full.kg_s * d_open;
-        (Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open }, by_spool)
+        (
+            Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open },
+            by_spool,
+        )
     }
 }
