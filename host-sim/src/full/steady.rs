@@ -54,7 +54,13 @@ pub const LOAD: Range = Range::new(1.0, 1.0e6, "N m");
 /// Steps as pump angle. Above 4 deg a step could jump over a silencing groove.
 pub const STEP: Range = Range::new(0.001, 4.0, "deg");
 /// Windows after which the search gives up.
-const MAX_WINDOWS: u32 = 12;
+const MAX_WINDOWS: u32 = 14;
+/// Windows after which a single run gives way to several: a beat of high order keeps it from settling.
+const MAX_SINGLE: u32 = 5;
+/// Corrections of the last windows that are averaged when no single one was small enough.
+const AVERAGED: usize = 4;
+/// Spread of those corrected ratios at which their mean still is a result, with the spread as its residual.
+const SPREAD: f64 = 1.0e-4;
 /// Corrections below this are not taken from a short window: the beat that it does not see is of this size.
 const SHORT_NOISE: f64 = 1.0e-3;
 /// Orders k and l up to which beats are looked for. A beat of orders 4 and 5 still moves the ratio by 9e-5 at 50 MPa.
@@ -292,12 +298,23 @@ impl<'a> Search<'a> {
         let mut shape = short;
         let mut before = self.ratio;
         let mut change = f64::INFINITY;
+        let mut corrected = Vec::new();
         for window in 0..MAX_WINDOWS {
             let (means, pressures_pa, ripple_pa) = self.windows(&mut runners, shape)?;
             change = self.correct(&means)?;
             if window > 0 && change < self.settings.tolerance {
                 let point = self.point(&means, ripple_pa, change);
                 return Ok((point, runners.swap_remove(0).1));
+            }
+            corrected.push(self.ratio);
+            if window + 1 == MAX_WINDOWS {
+                let last = corrected.split_off(corrected.len().saturating_sub(AVERAGED));
+                let highest = last.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let spread = highest - last.iter().copied().fold(f64::INFINITY, f64::min);
+                if spread < SPREAD {
+                    self.ratio = last.iter().sum::<f64>() / last.len() as f64;
+                    return Ok((self.point(&means, ripple_pa, spread), runners.swap_remove(0).1));
+                }
             }
             if window == 0 && change < SHORT_NOISE {
                 self.ratio = before;
@@ -311,7 +328,7 @@ impl<'a> Search<'a> {
                 // Once there are members they stay, also when the ratio wanders off the slow beat.
                 continue;
             }
-            if beat * LONGEST_BEAT_REV > 1.0 {
+            if beat * LONGEST_BEAT_REV > 1.0 && window < MAX_SINGLE {
                 let box_steps = (LONG_BOX_REV * beat).ceil() / beat * self.steps_per_rev as f64;
                 shape = Shape { box_steps, ..short };
             } else {
@@ -346,7 +363,11 @@ impl<'a> Search<'a> {
     }
 
     /// One window of every run: average of their means, each one's high pressure, and the largest ripple.
-    fn windows(&mut self, runners: &mut [Runner<'a>], shape: Shape) -> Result<(Means, Vec<f64>, f64), SimError> {
+    fn windows(
+        &mut self,
+        runners: &mut [Runner<'a>],
+        shape: Shape,
+    ) -> Result<(Means, Vec<f64>, f64), SimError> {
         let mut sum = Means::default();
         let mut pressures_pa = Vec::with_capacity(runners.len());
         let mut ripple: f64 = 0.0;
