@@ -265,7 +265,7 @@ struct Samples {
 impl Observer for Samples {
     fn see(&mut self, state: &State, _h: f64) {
         self.seen += 1;
-        if self.seen % self.every == 0 {
+        if self.seen.is_multiple_of(self.every) {
             self.rows.push(columns(state, self.chambers));
         }
     }
