@@ -1,0 +1,365 @@
+//! One step of the whole drive: shaft, swash and oil, second order where they meet, third order in the oil.
+//!
+//! A step from t to t + h does, in this order:
+//!
+//! ```text
+//! omega_half = omega + h/2 * torque(t)/J                       half a kick
+//! alpha(t + h) from the actuator's law
+//! masses by ESDIRK, angles phi + omega_half*c*h, alpha linear  the oil, all stages implicit
+//! torque(t + h) from the new pressures
+//! omega = omega_half + h/2 * torque(t + h)/J                   half a kick
+//! ```
+//!
+//! (Stoermer-Verlet for the shaft around an L-stable method for the oil.) The shaft's frequencies are some tens of hertz,
+//! far below 1/h, so it needs no implicit treatment; the oil's are 1e7 1/s. When Newton's method does not settle, the
+//! step is halved, up to a limit, and then the run stops with an error.
+
+use std::f64::consts::TAU;
+
+use super::error::SimError;
+use super::hydraulics::{GaveUp, Kinematics, Masses, Stage};
+use super::lanes::{V4, WIDTH};
+use super::oil::{ATMOSPHERE_PA, MAX_PRESSURE_PA};
+use super::plant::{A, B, GROUPS, LANES, NODES, Plant};
+use super::shaft::{self, Drive, Load};
+use super::tableau::{MAX_STAGES, Method, Tableau};
+
+/// Halvings of a step before the run is given up: 1/4096 of a default step is below a nanosecond of port motion.
+const MAX_HALVINGS: u32 = 12;
+
+/// What acts on the drive from outside during a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inputs {
+    /// Drive of the pump.
+    pub drive: Drive,
+    /// Load on the motor.
+    pub load: Load,
+    /// Commanded displacement fraction.
+    pub alpha: f64,
+}
+
+/// State of the drive at one instant.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Time.
+    pub time_s: f64,
+    /// Masses of chambers and nodes, kg; its flows are integrals since the start, kg.
+    pub masses: Masses,
+    /// Shaft angle of the pump since the start.
+    pub phi_p_rad: f64,
+    /// Shaft angle of the motor since the start.
+    pub phi_m_rad: f64,
+    /// Pump speed.
+    pub omega_p_rad_s: f64,
+    /// Motor speed.
+    pub omega_m_rad_s: f64,
+    /// Displacement fraction.
+    pub alpha: f64,
+    /// Torque of the oil on the pump's shaft.
+    pub torque_p_nm: f64,
+    /// Torque of the oil on the motor's shaft.
+    pub torque_m_nm: f64,
+    /// Absolute pressures of the chambers, Pa.
+    pub p_chamber_pa: [V4; GROUPS],
+    /// Absolute pressures of the nodes, Pa.
+    pub p_node_pa: [f64; NODES],
+    /// Rates at this instant: first stage of the next step.
+    rates: Masses,
+    rates_known: bool,
+}
+
+/// Steps a [`State`] forward; owns the work space, so that stepping allocates nothing.
+#[derive(Debug)]
+pub struct Integrator<'a> {
+    plant: &'a Plant,
+    tableau: Tableau,
+    stage: Stage,
+    k: [Masses; MAX_STAGES],
+    steps: u64,
+    halvings: u64,
+}
+
+impl<'a> Integrator<'a> {
+    /// Integrator of a plant.
+    #[must_use]
+    pub fn new(plant: &'a Plant, method: Method) -> Self {
+        Self {
+            plant,
+            tableau: method.tableau(),
+            stage: Stage::default(),
+            k: [Masses::default(); MAX_STAGES],
+            steps: 0,
+            halvings: 0,
+        }
+    }
+
+    /// Steps, Newton iterations and halvings so far.
+    #[must_use]
+    pub fn counters(&self) -> (u64, u64, u64) {
+        (self.steps, self.stage.iterations, self.halvings)
+    }
+
+    /// State at rest in the oil: chambers open to a line at that line's pressure, the others at the nearer kidney's.
+    ///
+    /// Pressures are absolute; angles and speeds are the caller's.
+    #[must_use]
+    pub fn initial(
+        &mut self,
+        p_a_pa: f64,
+        p_b_pa: f64,
+        inputs: &Inputs,
+        alpha: f64,
+        phi_m_rad: f64,
+    ) -> State {
+        let plant = self.plant;
+        let low = p_a_pa.min(p_b_pa);
+        let mut state = State {
+            time_s: 0.0,
+            masses: Masses::default(),
+            phi_p_rad: 0.0,
+            phi_m_rad,
+            omega_p_rad_s: match inputs.drive {
+                Drive::SpeedRadS(omega) => omega,
+                Drive::Governed { set_rad_s, .. } => set_rad_s,
+            },
+            omega_m_rad_s: match inputs.load {
+                Load::SpeedRadS(omega) => omega,
+                _ => 0.0,
+            },
+            alpha,
+            torque_p_nm: 0.0,
+            torque_m_nm: 0.0,
+            p_chamber_pa: [V4::all(plant.case_pa); GROUPS],
+            p_node_pa: [p_a_pa, p_b_pa, low, low],
+            rates: Masses::default(),
+            rates_known: false,
+        };
+        let (rho_a, rho_b) = (plant.oil.density_at(p_a_pa), plant.oil.density_at(p_b_pa));
+        let rho_low = plant.oil.density_at(low);
+        for (k, rho) in [rho_a, rho_b, rho_low, rho_low].into_iter().enumerate() {
+            state.masses.node[k] = plant.node_m3[k] * rho;
+        }
+        self.stage.place(plant, &kinematics(&state));
+        for lane in 0..plant.groups * WIDTH {
+            let (g, l) = (lane / WIDTH, lane % WIDTH);
+            let to_a = lane < plant.chambers() && self.stage.nearer_to_a(lane, lane < plant.pump_pistons);
+            state.masses.chamber[g].0[l] = self.stage.volume_m3(lane) * if to_a { rho_a } else { rho_b };
+            state.p_chamber_pa[g].0[l] = if to_a { p_a_pa } else { p_b_pa };
+        }
+        (state.torque_p_nm, state.torque_m_nm) = self.torques(&state);
+        state
+    }
+
+    /// Advances the state by `h`, halving where Newton's method does not settle.
+    ///
+    /// # Errors
+    /// When the step cannot be made, or a pressure leaves the oil table.
+    #[inline(always)]
+    pub fn step(&mut self, state: &mut State, inputs: &Inputs, h: f64) -> Result<(), SimError> {
+        if let Err(gave_up) = self.try_step(state, inputs, h) {
+            self.halved(state, inputs, h, gave_up)?;
+        }
+        let highest = state.p_node_pa[A].max(state.p_node_pa[B]);
+        if highest >= MAX_PRESSURE_PA {
+            return Err(SimError::PressureTooHigh {
+                place: if state.p_node_pa[A] > state.p_node_pa[B] { "line A" } else { "line B" },
+                time_s: state.time_s,
+                pressure_mpa: 1.0e-6 * (highest - ATMOSPHERE_PA),
+                limit_mpa: 1.0e-6 * (MAX_PRESSURE_PA - ATMOSPHERE_PA),
+            });
+        }
+        Ok(())
+    }
+
+    /// Makes the step in `2^k` parts, k growing until all parts succeed.
+    #[cold]
+    #[inline(never)]
+    fn halved(&mut self, state: &mut State, inputs: &Inputs, h: f64, first: GaveUp) -> Result<(), SimError> {
+        let mut gave_up = first;
+        for halving in 1..=MAX_HALVINGS {
+            self.halvings += 1;
+            let parts = 1u32 << halving;
+            let part = h / f64::from(parts);
+            let mut trial = state.clone();
+            // A crude start of the stiff rates is what most often breaks a step, so they are found afresh.
+            trial.rates_known = false;
+            match (0..parts).try_for_each(|_| self.try_step(&mut trial, inputs, part)) {
+                Ok(()) => {
+                    *state = trial;
+                    return Ok(());
+                }
+                Err(e) => gave_up = e,
+            }
+        }
+        Err(SimError::NotConverged {
+            time_s: state.time_s,
+            step_s: h / f64::from(1u32 << MAX_HALVINGS),
+            last_change: gave_up.last_change,
+            iterations: gave_up.iterations,
+        })
+    }
+
+    /// One step as it is; the state is unchanged when it fails.
+    #[inline(always)]
+    fn try_step(&mut self, state: &mut State, inputs: &Inputs, h: f64) -> Result<(), GaveUp> {
+        let plant = self.plant;
+        let t = self.tableau;
+        if !state.rates_known {
+            self.find_rates(state)?;
+        }
+        let omega_p = self.pump_kick(state, inputs, state.omega_p_rad_s, 0.5 * h, state.torque_p_nm);
+        let omega_m = self.motor_kick(state.omega_m_rad_s, inputs, 0.5 * h, state.torque_m_nm);
+        let alpha = shaft::swash(state.alpha, inputs.alpha, h, plant.swash);
+        self.k[0] = state.rates;
+        let gh = t.gamma * h;
+        let inv_gh = 1.0 / gh;
+        let groups = plant.groups.min(GROUPS);
+        for s in 1..t.stages.min(MAX_STAGES) {
+            let c = t.c[s];
+            self.stage.place(
+                plant,
+                &Kinematics {
+                    phi_p: (state.phi_p_rad + omega_p * c * h).rem_euclid(TAU),
+                    phi_m: (state.phi_m_rad + omega_m * c * h).rem_euclid(TAU),
+                    omega_p,
+                    omega_m,
+                    alpha: state.alpha + c * (alpha - state.alpha),
+                },
+            );
+            let mut star = state.masses;
+            for j in 0..s {
+                let w = h * t.a[s][j];
+                for g in 0..groups {
+                    star.chamber[g] += V4::all(w) * self.k[j].chamber[g];
+                }
+                for i in 0..NODES {
+                    star.node[i] += w * self.k[j].node[i];
+                }
+            }
+            self.stage.guess(plant, &state.masses, &star, &self.k[s - 1], gh);
+            self.stage.solve(plant, &star, gh, omega_p)?;
+            for g in 0..groups {
+                self.k[s].chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * V4::all(inv_gh);
+            }
+            for i in 0..NODES {
+                self.k[s].node[i] = (self.stage.m.node[i] - star.node[i]) * inv_gh;
+            }
+            self.k[s].flow = self.stage.m.flow;
+        }
+        let last = t.stages.min(MAX_STAGES) - 1;
+        let mut flow = state.masses.flow;
+        for (i, total) in flow.iter_mut().enumerate() {
+            let mut rate = t.gamma * self.k[last].flow[i];
+            for j in 0..last {
+                rate += t.a[last][j] * self.k[j].flow[i];
+            }
+            *total += h * rate;
+        }
+        state.masses = self.stage.m;
+        state.masses.flow = flow;
+        state.rates = self.k[last];
+        state.rates_known = true;
+        state.p_chamber_pa = self.stage.pressures();
+        state.p_node_pa = self.stage.p_node;
+        state.phi_p_rad += omega_p * h;
+        state.phi_m_rad += omega_m * h;
+        state.alpha = alpha;
+        state.time_s += h;
+        (state.torque_p_nm, state.torque_m_nm) = self.torques(state);
+        state.omega_p_rad_s = self.pump_kick(state, inputs, omega_p, 0.5 * h, state.torque_p_nm);
+        state.omega_m_rad_s = self.motor_kick(omega_m, inputs, 0.5 * h, state.torque_m_nm);
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// Rates at the state itself, from an implicit stage so short that nothing moves.
+    #[inline(never)]
+    fn find_rates(&mut self, state: &mut State) -> Result<(), GaveUp> {
+        const SHORT_S: f64 = 1.0e-12;
+        self.stage.place(self.plant, &kinematics(state));
+        let star = state.masses;
+        self.stage.restart(&star);
+        self.stage.solve(self.plant, &star, SHORT_S, state.omega_p_rad_s)?;
+        for g in 0..GROUPS {
+            state.rates.chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * V4::all(1.0 / SHORT_S);
+        }
+        for i in 0..NODES {
+            state.rates.node[i] = (self.stage.m.node[i] - star.node[i]) / SHORT_S;
+        }
+        state.rates.flow = self.stage.m.flow;
+        state.rates_known = true;
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn pump_kick(&self, state: &State, inputs: &Inputs, omega: f64, dt: f64, torque: f64) -> f64 {
+        match (inputs.drive, self.plant.pump_inertia_kg_m2) {
+            (Drive::Governed { set_rad_s, nm_s, limit_nm }, Some(j)) => {
+                let sign = if set_rad_s < 0.0 { -1.0 } else { 1.0 };
+                let engine = sign * (sign * nm_s * (set_rad_s - omega)).clamp(0.0, limit_nm);
+                shaft::kick(omega, dt, j, engine + torque, self.plant.pump_friction, 0.0)
+            }
+            (Drive::SpeedRadS(omega), _) => omega,
+            (Drive::Governed { .. }, None) => state.omega_p_rad_s,
+        }
+    }
+
+    #[inline(always)]
+    fn motor_kick(&self, omega: f64, inputs: &Inputs, dt: f64, torque: f64) -> f64 {
+        let (j, friction) = (self.plant.motor_inertia_kg_m2, self.plant.motor_friction);
+        match inputs.load {
+            Load::ResistiveNm(load) => shaft::kick(omega, dt, j, torque, friction, load),
+            Load::ConstantNm(load) => shaft::kick(omega, dt, j, torque - load, friction, 0.0),
+            Load::SpeedRadS(omega) => omega,
+        }
+    }
+
+    /// Torques of the oil: sum of (p - p_c) * dV/dphi, dV/dphi = V_s/2 * alpha * sin(phi).
+    #[inline(always)]
+    fn torques(&self, state: &State) -> (f64, f64) {
+        let plant = self.plant;
+        let (sin_p, cos_p) = state.phi_p_rad.sin_cos();
+        let (sin_m, cos_m) = state.phi_m_rad.sin_cos();
+        let (mut pump, mut motor) = (V4::ZERO, V4::ZERO);
+        for g in 0..plant.groups.min(GROUPS) {
+            let force = (state.p_chamber_pa[g] - V4::all(plant.case_pa)) * plant.half_stroke_m3[g];
+            let (c, s) = (plant.cos_offset[g], plant.sin_offset[g]);
+            pump += plant.is_pump[g] * force * (V4::all(sin_p) * c + V4::all(cos_p) * s);
+            motor += (V4::all(1.0) - plant.is_pump[g]) * force * (V4::all(sin_m) * c + V4::all(cos_m) * s);
+        }
+        (pump.sum() * state.alpha, motor.sum())
+    }
+}
+
+/// Kinematics of a state.
+fn kinematics(state: &State) -> Kinematics {
+    Kinematics {
+        phi_p: state.phi_p_rad.rem_euclid(TAU),
+        phi_m: state.phi_m_rad.rem_euclid(TAU),
+        omega_p: state.omega_p_rad_s,
+        omega_m: state.omega_m_rad_s,
+        alpha: state.alpha,
+    }
+}
+
+impl State {
+    /// Oil held by chambers and nodes, kg.
+    #[must_use]
+    pub fn stored_kg(&self, plant: &Plant) -> f64 {
+        let chambers: f64 = (0..plant.chambers().min(LANES))
+            .map(|lane| self.masses.chamber[lane / WIDTH].0[lane % WIDTH])
+            .sum();
+        chambers + self.masses.node.iter().sum::<f64>()
+    }
+
+    /// Flows at this instant, kg/s; zero before the first step.
+    #[must_use]
+    pub fn flows_kg_s(&self) -> [f64; super::hydraulics::FLOWS] {
+        self.rates.flow
+    }
+
+    /// Forgets the rates, for a state that was edited from outside.
+    pub fn restart(&mut self) {
+        self.rates_known = false;
+    }
+}

@@ -1,0 +1,129 @@
+//! Four chambers side by side: arithmetic on groups of four lanes that the compiler turns into vector instructions.
+//!
+//! Plain arrays and loops of fixed length: the same bits on every processor, no unsafe code; which instructions are
+//! used is decided where the integrator is dispatched ([`super::run`]).
+
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+/// Lanes in a group.
+pub const WIDTH: usize = 4;
+
+/// Four lanes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[repr(align(32))]
+pub struct V4(pub [f64; WIDTH]);
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl $trait for V4 {
+            type Output = V4;
+            #[inline(always)]
+            fn $method(self, other: V4) -> V4 {
+                let mut r = self.0;
+                for l in 0..WIDTH {
+                    r[l] = self.0[l] $op other.0[l];
+                }
+                V4(r)
+            }
+        }
+    };
+}
+operator!(Add, add, +);
+operator!(Sub, sub, -);
+operator!(Mul, mul, *);
+operator!(Div, div, /);
+
+impl Neg for V4 {
+    type Output = V4;
+    #[inline(always)]
+    fn neg(self) -> V4 {
+        V4::ZERO - self
+    }
+}
+
+impl AddAssign for V4 {
+    #[inline(always)]
+    fn add_assign(&mut self, other: V4) {
+        *self = *self + other;
+    }
+}
+
+impl V4 {
+    /// All lanes zero.
+    pub const ZERO: V4 = V4([0.0; WIDTH]);
+
+    /// All lanes equal.
+    #[inline(always)]
+    #[must_use]
+    pub const fn all(x: f64) -> V4 {
+        V4([x; WIDTH])
+    }
+
+    /// Square root of each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn sqrt(self) -> V4 {
+        let mut r = self.0;
+        for x in &mut r {
+            *x = x.sqrt();
+        }
+        V4(r)
+    }
+
+    /// Absolute value of each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn abs(self) -> V4 {
+        let mut r = self.0;
+        for x in &mut r {
+            *x = x.abs();
+        }
+        V4(r)
+    }
+
+    /// `yes` where `self > other`, else `no` (also where either is not a number).
+    #[inline(always)]
+    #[must_use]
+    pub fn if_above(self, other: V4, yes: V4, no: V4) -> V4 {
+        let mut r = no.0;
+        for (l, x) in r.iter_mut().enumerate() {
+            *x = if self.0[l] > other.0[l] { yes.0[l] } else { no.0[l] };
+        }
+        V4(r)
+    }
+
+    /// The larger of each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn max(self, other: V4) -> V4 {
+        self.if_above(other, self, other)
+    }
+
+    /// The smaller of each lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn min(self, other: V4) -> V4 {
+        self.if_above(other, other, self)
+    }
+
+    /// Sum of the lanes.
+    #[inline(always)]
+    #[must_use]
+    pub fn sum(self) -> f64 {
+        (self.0[0] + self.0[1]) + (self.0[2] + self.0[3])
+    }
+
+    /// Smallest lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn smallest(self) -> f64 {
+        self.0[0].min(self.0[1]).min(self.0[2].min(self.0[3]))
+    }
+
+    /// Largest lane.
+    #[inline(always)]
+    #[must_use]
+    pub fn largest(self) -> f64 {
+        self.0[0].max(self.0[1]).max(self.0[2].max(self.0[3]))
+    }
+}

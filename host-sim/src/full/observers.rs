@@ -1,0 +1,190 @@
+//! What is measured while the model runs: smooth averages, peak-to-peak values and the mass balance of a window.
+//!
+//! A window's weight is a box convolved with the bump 8/3*sin^4: it rises over `edge`, is flat, and falls over `edge`,
+//!
+//! ```text
+//! w(t) = (S(t/edge) - S((t - box)/edge)) / box        S(x) = x - 2/(3 pi) sin(2 pi x) + 1/(12 pi) sin(4 pi x)
+//! ```
+//!
+//! so a disturbance of exactly the box's length, the beat of pump and motor, vanishes from the mean, and piston ripple
+//! that fits the edge n times is left with 4/(pi n^5) of its amplitude. Nothing here feeds back into the model.
+
+use super::hydraulics::{CHARGE, FLOWS, LEAK_MOTOR, LEAK_PUMP, MOTOR_A, MOTOR_B, PUMP_A, PUMP_B, RELIEF};
+use super::integrator::State;
+use super::plant::{A, B, NODES, Plant};
+use super::run::Observer;
+
+/// Length of a window in steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape {
+    /// Flat part, between the middles of the edges; need not be whole.
+    pub box_steps: f64,
+    /// Rising or falling part.
+    pub edge_steps: f64,
+}
+
+impl Shape {
+    /// Steps of the whole window.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        (self.box_steps + self.edge_steps).ceil() as u64
+    }
+
+    /// Weight at `t` steps after the window's start, per step.
+    #[inline]
+    fn weight(&self, t: f64) -> f64 {
+        let rise = |t: f64| {
+            let x = (t / self.edge_steps).clamp(0.0, 1.0);
+            let (sin, cos) = (std::f64::consts::TAU * x).sin_cos();
+            x - sin * (2.0 / 3.0 - cos / 6.0) / std::f64::consts::PI
+        };
+        (rise(t) - rise(t - self.box_steps)) / self.box_steps
+    }
+}
+
+/// Weighted averages over one window.
+#[derive(Debug, Clone)]
+pub struct Window {
+    shape: Shape,
+    seen: u64,
+    last_node_kg: [f64; NODES],
+    last_flow_kg: [f64; FLOWS],
+    means: Means,
+    lowest_pa: [f64; 2],
+    highest_pa: [f64; 2],
+    omega_p: f64,
+    omega_m: f64,
+}
+
+/// Weighted means of a window.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Means {
+    /// Absolute node pressures, Pa.
+    pub p_node_pa: [f64; NODES],
+    /// Rates of the nodes' masses, kg/s.
+    pub node_kg_s: [f64; NODES],
+    /// Flows, kg/s.
+    pub flow_kg_s: [f64; FLOWS],
+    /// Torque of the oil on the pump.
+    pub torque_p_nm: f64,
+    /// Torque of the oil on the motor.
+    pub torque_m_nm: f64,
+    /// Pump speed.
+    pub omega_p_rad_s: f64,
+    /// Motor speed.
+    pub omega_m_rad_s: f64,
+}
+
+impl Means {
+    /// Adds another window's means with a weight.
+    pub fn add(&mut self, other: &Means, weight: f64) {
+        for (x, y) in self.p_node_pa.iter_mut().zip(other.p_node_pa) {
+            *x += weight * y;
+        }
+        for (x, y) in self.node_kg_s.iter_mut().zip(other.node_kg_s) {
+            *x += weight * y;
+        }
+        for (x, y) in self.flow_kg_s.iter_mut().zip(other.flow_kg_s) {
+            *x += weight * y;
+        }
+        self.torque_p_nm += weight * other.torque_p_nm;
+        self.torque_m_nm += weight * other.torque_m_nm;
+        self.omega_p_rad_s += weight * other.omega_p_rad_s;
+        self.omega_m_rad_s += weight * other.omega_m_rad_s;
+    }
+}
+
+impl Window {
+    /// Window that begins at `state`.
+    #[must_use]
+    pub fn new(state: &State, shape: Shape) -> Self {
+        Self {
+            shape,
+            seen: 0,
+            last_node_kg: state.masses.node,
+            last_flow_kg: state.masses.flow,
+            means: Means::default(),
+            lowest_pa: [f64::INFINITY; 2],
+            highest_pa: [f64::NEG_INFINITY; 2],
+            omega_p: state.omega_p_rad_s,
+            omega_m: state.omega_m_rad_s,
+        }
+    }
+
+    /// The means so far; meaningful when all steps have been seen.
+    #[must_use]
+    pub fn means(&self) -> Means {
+        self.means
+    }
+
+    /// Peak-to-peak pressure of line A and line B.
+    #[must_use]
+    pub fn ripple_pa(&self) -> [f64; 2] {
+        [self.highest_pa[A] - self.lowest_pa[A], self.highest_pa[B] - self.lowest_pa[B]]
+    }
+}
+
+impl Observer for Window {
+    #[inline(always)]
+    fn see(&mut self, state: &State, h: f64) {
+        // Weight at the middle of the step for what changed over it, at its end for what is sampled there.
+        let w = self.shape.weight(self.seen as f64 + 0.5);
+        let at_end = self.shape.weight(self.seen as f64 + 1.0);
+        let rate = w / h;
+        let m = &mut self.means;
+        for k in 0..NODES {
+            m.p_node_pa[k] += at_end * state.p_node_pa[k];
+            m.node_kg_s[k] += rate * (state.masses.node[k] - self.last_node_kg[k]);
+        }
+        for k in 0..FLOWS {
+            m.flow_kg_s[k] += rate * (state.masses.flow[k] - self.last_flow_kg[k]);
+        }
+        m.torque_p_nm += at_end * state.torque_p_nm;
+        m.torque_m_nm += at_end * state.torque_m_nm;
+        m.omega_p_rad_s += w * 0.5 * (self.omega_p + state.omega_p_rad_s);
+        m.omega_m_rad_s += w * 0.5 * (self.omega_m + state.omega_m_rad_s);
+        self.omega_p = state.omega_p_rad_s;
+        self.omega_m = state.omega_m_rad_s;
+        self.last_node_kg = state.masses.node;
+        self.last_flow_kg = state.masses.flow;
+        for k in [A, B] {
+            self.lowest_pa[k] = self.lowest_pa[k].min(state.p_node_pa[k]);
+            self.highest_pa[k] = self.highest_pa[k].max(state.p_node_pa[k]);
+        }
+        self.seen += 1;
+    }
+}
+
+/// Mass balance between two instants: what came in, what went out, what is stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MassBalance {
+    stored_kg: f64,
+    flow_kg: [f64; FLOWS],
+}
+
+impl MassBalance {
+    /// Opens the account at `state`.
+    #[must_use]
+    pub fn open(state: &State, plant: &Plant) -> Self {
+        Self { stored_kg: state.stored_kg(plant), flow_kg: state.masses.flow }
+    }
+
+    /// Oil that the pump and the motor moved through their ports since the account was opened, kg.
+    #[must_use]
+    pub fn pumped_kg(&self, state: &State) -> f64 {
+        [PUMP_A, PUMP_B, MOTOR_A, MOTOR_B]
+            .into_iter()
+            .map(|k| (state.masses.flow[k] - self.flow_kg[k]).abs())
+            .fold(0.0, f64::max)
+    }
+
+    /// |inflow - outflow - change of stored mass| over the pumped mass.
+    #[must_use]
+    pub fn error(&self, state: &State, plant: &Plant) -> f64 {
+        let since = |k: usize| state.masses.flow[k] - self.flow_kg[k];
+        let inflow = since(CHARGE);
+        let outflow = since(RELIEF) + since(LEAK_PUMP) + since(LEAK_MOTOR);
+        let change = state.stored_kg(plant) - self.stored_kg;
+        (inflow - outflow - change).abs() / self.pumped_kg(state).max(f64::MIN_POSITIVE)
+    }
+}
