@@ -56,7 +56,7 @@ const MAX_WINDOWS: u32 = 12;
 /// Corrections below this are not taken from a short window: the beat that it does not see is of this size.
 const SHORT_NOISE: f64 = 1.0e-3;
 /// Orders k and l up to which beats are looked for; the effect of higher ones is below 1e-6.
-const BEAT_ORDER: u32 = 3;
+const BEAT_ORDER: u32 = 5;
 /// Fraction of theory's leakage that a start estimate expects: chambers in transition leak less.
 const LEAKING: f64 = 0.96;
 
