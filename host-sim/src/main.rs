@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_sim::commands::{Failure, identify, pil, replay, synth};
+use host_sim::commands::{Failure, identify, pil, replay, synth, verify};
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
 #[derive(Debug, Parser)]
@@ -19,6 +19,7 @@ enum Command {
     Replay(replay::Args),
     Pil(pil::Args),
     Synth(synth::Args),
+    Verify(verify::Args),
 }
 
 fn main() -> ExitCode {
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(&args),
         Command::Pil(args) => pil::run(&args),
         Command::Synth(args) => synth::run(&args),
+        Command::Verify(args) => verify::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

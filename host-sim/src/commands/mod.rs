@@ -4,6 +4,7 @@ pub mod identify;
 pub mod pil;
 pub mod replay;
 pub mod synth;
+pub mod verify;
 
 use std::process::ExitCode;
 

@@ -1,6 +1,6 @@
 //! Fits the ten coefficients of the law to coefficients of operating points (paper eqs. 9-18).
 
-use kou_estimator::law::LawConfig;
+use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::region::RegionConfig;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 use nalgebra::{DMatrix, DVector};
@@ -44,8 +44,7 @@ impl LawFit {
         let rows: Vec<[f64; 10]> = points
             .iter()
             .map(|point| {
-                let [x, y, z] = normalised(point);
-                [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
+                phi(normalised(point))
             })
             .collect();
         let columns = DMatrix::from_row_iterator(rows.len(), 10, rows.into_iter().flatten());
@@ -72,12 +71,32 @@ impl LawFit {
                 p_max: Megapascal(single(p_max)),
                 t_max: Celsius(single(t_max)),
                 residual_se: LeakageCoefficient(single(residual_se)),
+                error_root: LawErrorRoot::NONE,
             },
             region: RegionConfig::around(points.iter().map(|p| normalised(p).map(single)), REGION_MARGIN),
             dropped: dropped.into_iter().filter_map(|i| TERMS.get(i).copied()).collect(),
             condition_number,
         }
     }
+}
+
+/// The ten terms at normalised speed, pressure and temperature, in the order of [`TERMS`].
+#[must_use]
+pub fn phi([x, y, z]: [f64; 3]) -> [f64; 10] {
+    [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
+}
+
+/// Normalised speed, pressure and temperature of a point.
+#[must_use]
+pub fn normalised(law: &LawConfig, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> [f64; 3] {
+    let f = f64::from;
+    [n_p_rpm / f(law.n_max.get()), p_h_mpa / f(law.p_max.get()), t_b_c / f(law.t_max.get())]
+}
+
+/// The coefficients in the order of [`TERMS`].
+#[must_use]
+pub fn coefficients(law: &LawConfig) -> [f64; 10] {
+    [law.c, law.b1, law.b2, law.b3, law.a11, law.a22, law.a33, law.a12, law.a13, law.a23].map(f64::from)
 }
 
 /// Coefficients for physical variables (r/min, MPa, degC) in the order of [`TERMS`] (paper eqs. 16-18 undone).
