@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_sim::commands::{Failure, identify, pil, replay, synth, verify};
+use host_sim::commands::{Failure, identify, paper, pil, replay, simulate, step, synth, verify};
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
 #[derive(Debug, Parser)]
@@ -20,6 +20,9 @@ enum Command {
     Pil(pil::Args),
     Synth(synth::Args),
     Verify(verify::Args),
+    Simulate(simulate::Args),
+    Step(step::Args),
+    Paper(paper::Args),
 }
 
 fn main() -> ExitCode {
@@ -29,6 +32,9 @@ fn main() -> ExitCode {
         Command::Pil(args) => pil::run(&args),
         Command::Synth(args) => synth::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Step(args) => step::run(&args),
+        Command::Paper(args) => paper::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,8 +1,13 @@
 //! The commands of `host-sim`, one module each, and how they end.
 
 pub mod identify;
+mod lines;
+pub mod paper;
 pub mod pil;
+pub mod point;
 pub mod replay;
+pub mod simulate;
+pub mod step;
 pub mod synth;
 pub mod verify;
 

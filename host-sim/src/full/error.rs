@@ -10,8 +10,10 @@ pub enum SimError {
     #[error("{0}")]
     Input(#[from] InputError),
     /// The implicit equations of one step had no solution that Newton's method could find, even after halving the step.
-    #[error("did not converge at {time_s:.6} s with a step of {step_s:.1e} s: last mass change {last_change:.1e} of a \
-             chamber's content in {iterations} iterations")]
+    #[error(
+        "did not converge at {time_s:.6} s with a step of {step_s:.1e} s: last mass change {last_change:.1e} of a \
+             chamber's content in {iterations} iterations"
+    )]
     NotConverged {
         /// Simulated time.
         time_s: f64,
@@ -23,8 +25,10 @@ pub enum SimError {
         iterations: u32,
     },
     /// A pressure left the range for which the oil is tabulated.
-    #[error("pressure of {pressure_mpa:.1} MPa in {place} at {time_s:.6} s is beyond the {limit_mpa:.0} MPa of the oil \
-             table: the pump has no way out for its flow")]
+    #[error(
+        "pressure of {pressure_mpa:.1} MPa in {place} at {time_s:.6} s is beyond the {limit_mpa:.0} MPa of the oil \
+             table: the pump has no way out for its flow"
+    )]
     PressureTooHigh {
         /// Where.
         place: &'static str,
@@ -44,7 +48,9 @@ pub enum SimError {
         reason: String,
     },
     /// The search for the steady state stopped at its limit of work.
-    #[error("no steady state after {revolutions:.0} pump revolutions: the ratio still changes by {residual:.1e}")]
+    #[error(
+        "no steady state after {revolutions:.0} pump revolutions: the ratio still changes by {residual:.1e}"
+    )]
     NotSteady {
         /// Pump revolutions simulated.
         revolutions: f64,

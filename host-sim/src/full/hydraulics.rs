@@ -378,7 +378,8 @@ impl Stage {
             for g in 0..groups {
                 let group = &mut self.group[g];
                 let change_line = line(&change_n, group.main_a);
-                group.change = V4::ZERO - (group.residual + gh4 * group.d_node * change_line) * group.inv_diag;
+                group.change =
+                    V4::ZERO - (group.residual + gh4 * group.d_node * change_line) * group.inv_diag;
             }
             for second in &self.second[..self.seconds.min(LANES)] {
                 let (group, l) = (&mut self.group[second.lane / WIDTH], second.lane % WIDTH);
@@ -483,10 +484,14 @@ impl Stage {
             let leak = group.leak + group.d_leak * group.change;
             let (to_a, to_b) = (group.f * is_a, group.f * (one - is_a));
             let (pump, motor) = (plant.is_pump[g], one - plant.is_pump[g]);
-            for (sum, x) in sums
-                .iter_mut()
-                .zip([pump * leak, motor * leak, pump * to_a, pump * to_b, motor * to_a, motor * to_b])
-            {
+            for (sum, x) in sums.iter_mut().zip([
+                pump * leak,
+                motor * leak,
+                pump * to_a,
+                pump * to_b,
+                motor * to_a,
+                motor * to_b,
+            ]) {
                 *sum += x;
             }
             self.m.chamber[g] += group.change;
@@ -550,7 +555,8 @@ fn circuit(
     }
     // Shuttle valve 9: the side of the lower line, moved by the other line's pressure as well.
     for (line, other) in [(A, B), (B, A)] {
-        let (flow, by_other) = plant.shuttle.flow(p[line], p[other], p[F], (relative_rho[line], relative_rho[F]));
+        let (flow, by_other) =
+            plant.shuttle.flow(p[line], p[other], p[F], (relative_rho[line], relative_rho[F]));
         if flow != Flow::default() {
             edge(line, F, flow);
             matrix_add(matrix, line, F, other, by_other * slope[other]);
@@ -558,7 +564,8 @@ fn circuit(
         }
     }
     // Relief valves 4 and 10 to the case; gear pump 3.
-    let drains = [plant.charge_relief.flow(p[C], plant.case_pa), plant.flushing_relief.flow(p[F], plant.case_pa)];
+    let drains =
+        [plant.charge_relief.flow(p[C], plant.case_pa), plant.flushing_relief.flow(p[F], plant.case_pa)];
     for (node, drain) in [(C, drains[0]), (F, drains[1])] {
         inflow[node] -= drain.kg_s;
         matrix[node][node] -= drain.d_from * slope[node];

@@ -103,7 +103,14 @@ impl<'a> Integrator<'a> {
     ///
     /// Pressures are absolute; angles and speeds are the caller's.
     #[must_use]
-    pub fn initial(&mut self, p_a_pa: f64, p_b_pa: f64, inputs: &Inputs, alpha: f64, phi_m_rad: f64) -> State {
+    pub fn initial(
+        &mut self,
+        p_a_pa: f64,
+        p_b_pa: f64,
+        inputs: &Inputs,
+        alpha: f64,
+        phi_m_rad: f64,
+    ) -> State {
         let plant = self.plant;
         let low = p_a_pa.min(p_b_pa);
         let mut state = State {
@@ -343,6 +350,12 @@ impl State {
             .map(|lane| self.masses.chamber[lane / WIDTH].0[lane % WIDTH])
             .sum();
         chambers + self.masses.node.iter().sum::<f64>()
+    }
+
+    /// Flows at this instant, kg/s; zero before the first step.
+    #[must_use]
+    pub fn flows_kg_s(&self) -> [f64; super::hydraulics::FLOWS] {
+        self.rates.flow
     }
 
     /// Forgets the rates, for a state that was edited from outside.

@@ -59,7 +59,9 @@ impl OilTable {
     /// When the temperature is outside its range or makes a property vanish.
     pub fn new(oil: &Oil, t_c: f64) -> Result<Self, InputError> {
         if !TEMPERATURE.contains(t_c) {
-            return Err(InputError::new("oil temperature is out of range").with_value(t_c).with_allowed(TEMPERATURE));
+            return Err(InputError::new("oil temperature is out of range")
+                .with_value(t_c)
+                .with_allowed(TEMPERATURE));
         }
         let warmer_k = t_c - oil.reference_c;
         let beta_factor = 1.0 + oil.bulk_modulus_per_k * warmer_k;
@@ -209,12 +211,8 @@ impl OilTable {
             let (a2, a3) = (3.0 * (q - p) - 2.0 * d0 - d1, 2.0 * (p - q) + d0 + d1);
             let (b1, b2, b3) = (d0 / wide, a2 / (wide * wide), a3 / (wide * wide * wide));
             let m = k as f64 - left;
-            self.cell[k] = [
-                p + m * (b1 + m * (b2 + m * b3)),
-                b1 + m * (2.0 * b2 + 3.0 * m * b3),
-                b2 + 3.0 * m * b3,
-                b3,
-            ];
+            self.cell[k] =
+                [p + m * (b1 + m * (b2 + m * b3)), b1 + m * (2.0 * b2 + 3.0 * m * b3), b2 + 3.0 * m * b3, b3];
             p = q;
         }
     }
@@ -249,4 +247,94 @@ impl OilTable {
 fn viscosity(oil: &Oil, t_c: f64) -> f64 {
     let w = oil.walther_a - oil.walther_b * (t_c + 273.15).log10();
     10f64.powf(10f64.powf(w)) - 0.7
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::Machine;
+
+    fn table(t_c: f64) -> OilTable {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("machines/reference.toml");
+        OilTable::new(Machine::load(&path).unwrap().oil(), t_c).unwrap()
+    }
+
+    /// ln(rho/rho_0) = ln((1 + c)/(1 + c x)) + 1/beta_0 * integral of dp/(1 + c x), by the midpoint rule in ln p.
+    fn log_density(oil: &OilTable, p: f64) -> f64 {
+        let x = |p: f64| (ATMOSPHERE_PA / p).powf(1.0 / oil.heat_capacity_ratio);
+        let n = 20_000;
+        let step = (p / ATMOSPHERE_PA).ln() / f64::from(n);
+        let integral: f64 = (0..n)
+            .map(|k| {
+                let at = ATMOSPHERE_PA * (step * (f64::from(k) + 0.5)).exp();
+                at * step / (1.0 + oil.air_fraction * x(at))
+            })
+            .sum();
+        ((1.0 + oil.air_fraction) / (1.0 + oil.air_fraction * x(p))).ln() + integral / oil.beta_0_pa
+    }
+
+    /// 1e-6 of pressure is 1e-8 of ratio; the midpoint rule's own error is below that.
+    #[test]
+    fn val_table_agrees_with_wylies_law_integrated_independently() {
+        let oil = table(60.0);
+        for p_mpa in [0.1013, 0.2, 0.5, 1.6, 5.0, 20.0, 36.6, 60.0, 120.0] {
+            let rho = oil.density_kg_m3() * log_density(&oil, p_mpa * 1e6).exp();
+            let (p, slope) = oil.pressure(rho);
+            assert!((p / (p_mpa * 1e6) - 1.0).abs() < 1e-6, "{p_mpa} MPa: {p}");
+            assert!((slope * rho / oil.bulk_modulus_pa(p) - 1.0).abs() < 1e-4, "{p_mpa} MPa: slope");
+        }
+    }
+
+    #[test]
+    fn prop_pressure_rises_with_density_and_never_falls_below_vapour_pressure() {
+        let oil = table(60.0);
+        let mut last = 0.0;
+        for k in 0..200_000 {
+            let rho = 1000.0 * f64::from(k) / 200_000.0;
+            let (p, slope) = oil.pressure(rho);
+            assert!(
+                p >= oil.vapour_pa() && p >= last && slope >= 0.0,
+                "density {rho}: {p} Pa after {last} Pa"
+            );
+            last = p;
+        }
+    }
+
+    #[test]
+    fn prop_four_lanes_give_the_bits_of_one() {
+        let oil = table(60.0);
+        for k in 0..5000 {
+            let rho = V4([0, 1, 2, 3].map(|l| 780.0 + 0.05 * f64::from(k) + 0.01 * f64::from(l)));
+            let (p, slope) = oil.pressure4(rho);
+            for l in 0..WIDTH {
+                assert_eq!((p.0[l], slope.0[l]), oil.pressure(rho.0[l]));
+            }
+        }
+    }
+
+    #[test]
+    fn prop_density_at_inverts_pressure() {
+        let oil = table(60.0);
+        for p in [600.0, 5.0e3, 2.0e4, 1.0e5, 1.6e6, 5.0e7, 1.5e8] {
+            // Rounding of density is 1e-13 of it, times bulk modulus over pressure at the stiff end.
+            assert!((oil.pressure(oil.density_at(p)).0 / p - 1.0).abs() < 1e-6, "{p}");
+        }
+    }
+
+    #[test]
+    fn val_paper_viscosity_at_30_and_90_degrees() {
+        for (t, published) in [(30.0, 88.3), (90.0, 20.8)] {
+            // The paper gives one decimal.
+            assert!((table(t).kinematic_viscosity_mm2_s() - published).abs() < 0.1);
+        }
+    }
+
+    #[test]
+    fn temperature_out_of_range_is_refused() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("machines/reference.toml");
+        let machine = Machine::load(&path).unwrap();
+        for t in [-300.0, 500.0, f64::NAN] {
+            assert!(OilTable::new(machine.oil(), t).unwrap_err().to_string().contains("temperature"));
+        }
+    }
 }

@@ -9,8 +9,8 @@ use crate::input::{InputError, Range};
 use crate::machine::{ChargeDrive, Machine, Swash};
 
 use super::error::SimError;
-use super::oil::{ATMOSPHERE_PA, OilTable};
 use super::lanes::{V4, WIDTH};
+use super::oil::{ATMOSPHERE_PA, OilTable};
 use super::valve_plate::{Ports, look_up, table_of};
 use super::valves::{CheckLaw, ReliefLaw, ShuttleLaw};
 
@@ -223,6 +223,17 @@ impl Plant {
                 [a.0[l], b.0[l]] = look_up(cells, phi.0[l]);
             }
         }
+    }
+
+    /// C_d times area, mm2, of one chamber to line A and to line B at its own angle from top dead centre.
+    #[must_use]
+    pub fn cd_area_mm2(&self, lane: usize, phi_rad: f64) -> (f64, f64) {
+        let (g, l) = ((lane / WIDTH).min(GROUPS - 1), lane % WIDTH);
+        let phi = V4::all(phi_rad.rem_euclid(std::f64::consts::TAU));
+        let (mut a, mut b) = self.ports[g].conductance(phi);
+        self.table_areas(g, &phi, &mut a, &mut b);
+        let per_mm2 = super::valves::conductance(1.0, 1.0, self.oil.density_kg_m3());
+        (a.0[l] / per_mm2, b.0[l] / per_mm2)
     }
 
     /// Number of chambers, pump and motor.

@@ -56,11 +56,8 @@ pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: Friction, resist
 #[must_use]
 pub fn swash(alpha: f64, command: f64, dt: f64, actuator: Swash) -> f64 {
     let away = command - alpha;
-    let lag = if actuator.time_constant_s > 0.0 {
-        away * -(-dt / actuator.time_constant_s).exp_m1()
-    } else {
-        away
-    };
+    let lag =
+        if actuator.time_constant_s > 0.0 { away * -(-dt / actuator.time_constant_s).exp_m1() } else { away };
     let limit = actuator.rate_per_s * dt;
     alpha + lag.clamp(-limit, limit)
 }

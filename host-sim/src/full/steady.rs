@@ -234,7 +234,8 @@ impl<'a> Search<'a> {
             worst_balance: 0.0,
         };
         search.ratio = search.estimate(target_pa);
-        search.ratio_per_pa = (search.estimate(target_pa + 1.0e5) - search.estimate(target_pa - 1.0e5)) / 2.0e5;
+        search.ratio_per_pa =
+            (search.estimate(target_pa + 1.0e5) - search.estimate(target_pa - 1.0e5)) / 2.0e5;
         search.demand_flow()?;
         Ok(search)
     }
@@ -249,9 +250,11 @@ impl<'a> Search<'a> {
         };
         let (pump, motor) = (plant.pump_m3_per_rad, plant.motor_m3_per_rad);
         let pump_dead = dead(0, plant.pump_pistons) + 0.5 * (1.0 - alpha) * pump;
-        let leak: f64 = plant.kou_m3_s_pa.iter().map(|v| v.sum()).sum::<f64>() * 0.5 * LEAKING * (p_pa - plant.case_pa);
+        let leak: f64 =
+            plant.kou_m3_s_pa.iter().map(|v| v.sum()).sum::<f64>() * 0.5 * LEAKING * (p_pa - plant.case_pa);
         let flow = alpha * pump - (alpha * pump + pump_dead) * squeeze - leak / self.omega_p;
-        self.operating.alpha.signum() * flow / (motor + dead(plant.pump_pistons, plant.motor_pistons) * squeeze)
+        self.operating.alpha.signum() * flow
+            / (motor + dead(plant.pump_pistons, plant.motor_pistons) * squeeze)
     }
 
     /// Refuses a point at which nothing is left for the motor.
@@ -312,7 +315,8 @@ impl<'a> Search<'a> {
     /// The slowest beat |k*Z_p - l*Z_m*r| of pump and motor ripple, per pump revolution.
     fn slowest_beat_per_rev(&self) -> f64 {
         let (zp, zm) = (self.plant.pump_pistons as f64, self.plant.motor_pistons as f64 * self.ratio.abs());
-        let orders = (1..=BEAT_ORDER).flat_map(|k| (1..=BEAT_ORDER).map(move |l| (f64::from(k), f64::from(l))));
+        let orders =
+            (1..=BEAT_ORDER).flat_map(|k| (1..=BEAT_ORDER).map(move |l| (f64::from(k), f64::from(l))));
         orders.map(|(k, l)| (k * zp - l * zm).abs()).fold(f64::INFINITY, f64::min)
     }
 
@@ -403,7 +407,8 @@ impl<'a> Search<'a> {
             p_h_mpa: gauge(self.target_pa),
             p_l_mpa: gauge(means.p_node_pa[self.low]),
             torque_nm: sign * means.torque_m_nm + off_pa * self.plant.motor_m3_per_rad,
-            pump_torque_nm: -means.torque_p_nm + off_pa * self.operating.alpha.abs() * self.plant.pump_m3_per_rad,
+            pump_torque_nm: -means.torque_p_nm
+                + off_pa * self.operating.alpha.abs() * self.plant.pump_m3_per_rad,
             leakage_l_min: leak_kg_s / self.plant.case_rho * 60_000.0,
             ripple_p_h_mpa: ripple_pa * 1.0e-6,
             mass_balance_error: self.worst_balance,

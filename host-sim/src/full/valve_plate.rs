@@ -144,3 +144,57 @@ fn resample(table: &PlateTable, per_mm2: f64) -> Vec<[f64; 2]> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::full::Model;
+    use crate::machine::Machine;
+
+    fn plant(name: &str) -> crate::full::Plant {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("machines").join(name);
+        Model::new(&Machine::load(&path).unwrap()).unwrap().plant(60.0, 0.0).unwrap()
+    }
+
+    /// Reference plate: a = 14, K = 72 deg, R*w = 700 mm2/rad, groove 4 deg to 6 mm2, C_d = 0.7.
+    #[test]
+    fn val_areas_of_the_reference_plate_at_angles_worked_out_by_hand() {
+        let plant = plant("reference.toml");
+        let mm2_per_deg = 0.7 * 700.0 * std::f64::consts::PI / 180.0;
+        for (angle, a, b) in [
+            (90.0, 0.0, 28.0 * mm2_per_deg),
+            (270.0, 28.0 * mm2_per_deg, 0.0),
+            (0.0, 0.0, 0.0),
+            (2.0, 0.0, 0.7 * 6.0 * 0.25),
+            (4.0, 0.0, 0.7 * 6.0),
+            (18.0, 0.0, 14.0 * mm2_per_deg + 0.7 * 6.0 * 0.5),
+        ] {
+            let (to_a, to_b) = plant.cd_area_mm2(0, f64::to_radians(angle));
+            assert!((to_a - a).abs() < 1e-9 && (to_b - b).abs() < 1e-9, "{angle} deg: {to_a} {to_b}");
+            // The motor's line A feeds expanding chambers.
+            let (to_a, to_b) = plant.cd_area_mm2(9, f64::to_radians(angle));
+            assert!((to_a - b).abs() < 1e-9 && (to_b - a).abs() < 1e-9, "motor, {angle} deg");
+        }
+    }
+
+    #[test]
+    fn prop_areas_are_continuous_and_a_groove_longer_than_the_land_bridges_both_kidneys() {
+        for name in ["reference.toml", "seven-piston.toml"] {
+            let plant = plant(name);
+            let mut bridged = false;
+            for lane in [0, plant.chambers() - 1] {
+                let mut last = plant.cd_area_mm2(lane, 0.0);
+                for k in 1..=36_000 {
+                    let now = plant.cd_area_mm2(lane, f64::to_radians(0.01 * f64::from(k)));
+                    // A hundredth of a degree moves the port's edge over 0.13 mm2 at most.
+                    assert!(
+                        (now.0 - last.0).abs() < 0.2 && (now.1 - last.1).abs() < 0.2,
+                        "{name} {lane} {k}"
+                    );
+                    bridged |= now.0 > 0.0 && now.1 > 0.0;
+                    last = now;
+                }
+            }
+            assert_eq!(bridged, name == "seven-piston.toml");
+        }
+    }
+}

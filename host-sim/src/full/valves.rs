@@ -71,7 +71,9 @@ impl ReliefLaw {
         Self {
             crack_pa: valve.setting_mpa * 1.0e6 - override_pa,
             rounding_pa: RELIEF_ROUNDING * override_pa,
-            kg_s_per_pa: rho * valve.rated_flow_l_min / 60_000.0 / (override_pa * (1.0 - 0.5 * RELIEF_ROUNDING)),
+            kg_s_per_pa: rho * valve.rated_flow_l_min
+                / 60_000.0
+                / (override_pa * (1.0 - 0.5 * RELIEF_ROUNDING)),
         }
     }
 
@@ -166,6 +168,65 @@ impl ShuttleLaw {
         }
         let full = orifice(self.conductance, p_line, p_to, rho.0, rho.1);
         let by_spool = full.kg_s * d_open;
-        (Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open }, by_spool)
+        (
+            Flow { kg_s: full.kg_s * open, d_from: full.d_from * open - by_spool, d_to: full.d_to * open },
+            by_spool,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::Machine;
+
+    /// Central differences of 1 Pa against the stated slopes; 1e-4: curvature near the laminar transition.
+    fn check_slopes(flow: impl Fn(f64, f64) -> Flow, p: f64, q: f64) {
+        let by_from = (flow(p + 1.0, q).kg_s - flow(p - 1.0, q).kg_s) / 2.0;
+        let by_to = (flow(p, q + 1.0).kg_s - flow(p, q - 1.0).kg_s) / 2.0;
+        let at = flow(p, q);
+        let scale = 1e-4 * at.d_from.abs().max(1e-12);
+        assert!((at.d_from - by_from).abs() <= scale, "{p} {q}: {} {by_from}", at.d_from);
+        assert!((at.d_to - by_to).abs() <= scale, "{p} {q}: {} {by_to}", at.d_to);
+    }
+
+    #[test]
+    fn prop_slopes_are_the_derivatives_of_the_flows() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("machines/seven-piston.toml");
+        let machine = Machine::load(&path).unwrap();
+        let dynamics = machine.circuit().dynamics.as_ref().unwrap();
+        let relief = ReliefLaw::new(&dynamics.charge_relief, 860.0);
+        let check = CheckLaw::new(&dynamics.check_valve, 860.0);
+        let shuttle = ShuttleLaw::new(&dynamics.shuttle, 860.0);
+        for k in 0..400 {
+            let dp = -4.0e6 + 2.0e4 * f64::from(k) + 37.0;
+            check_slopes(|p, q| orifice(1.0e-3, p, q, 1.0, 1.0), 5.0e6 + dp, 5.0e6);
+            check_slopes(|p, q| relief.flow(p, q), 5.0e6 + dp, 5.0e6);
+            check_slopes(|p, q| check.flow(p, q, 1.0), 5.0e6 + dp, 5.0e6);
+            check_slopes(|p, q| shuttle.flow(p, 2.9e6, q, (1.0, 1.0)).0, 2.0e6 + 0.1 * dp, 1.9e6);
+        }
+    }
+
+    #[test]
+    fn val_orifice_is_turbulent_far_from_zero_and_its_inverse_returns_the_drop() {
+        let k = conductance(0.7, 100.0, 860.0);
+        // C_d A sqrt(2 rho dp) at 10 MPa; the laminar transition of 5 kPa leaves 1.3e-4.
+        let ideal = 0.7 * 100.0e-6 * (2.0 * 860.0 * 10.0e6f64).sqrt();
+        assert!((orifice(k, 10.0e6, 0.0, 1.0, 1.0).kg_s / ideal - 1.0).abs() < 2e-4);
+        for dp in [-3.0e7, -1.0e4, 10.0, 2.0e3, 5.0e5] {
+            let q = orifice(k, dp, 0.0, 1.0, 1.0).kg_s / (2.0 * k);
+            assert!((q * (q * q + LAMINAR_PA).sqrt() / dp - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn relief_and_check_valves_never_pass_oil_backwards() {
+        let relief = Relief { setting_mpa: 2.0, rated_flow_l_min: 100.0, override_mpa: 0.2 };
+        let law = ReliefLaw::new(&relief, 860.0);
+        assert_eq!(law.flow(1.0e6, 0.0), Flow::default());
+        assert_eq!(law.flow(0.0, 5.0e6), Flow::default());
+        // At its setting it passes its rated flow.
+        let flow = law.flow(2.0e6, 0.0).kg_s / 860.0 * 60_000.0;
+        assert!((flow - 100.0).abs() < 1e-9, "{flow}");
     }
 }

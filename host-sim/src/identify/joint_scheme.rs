@@ -19,7 +19,7 @@ use super::outcome::{
 use super::ratio_model::{At, RatioModel, ReducedRatio};
 use super::surrogate;
 use crate::calibration::{Settings, assemble};
-use crate::full::error::SimError;
+use crate::full::SimError;
 use crate::input::InputError;
 use crate::machine::Machine;
 use crate::record::BenchPoint;

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::ratio_model::{At, Change, RatioModel, Solved};
-use crate::full::error::SimError;
+use crate::full::SimError;
 use crate::input::InputError;
 
 /// What is shared between the models of a machine and of its changes.

@@ -10,9 +10,7 @@ use kou_estimator::reduced::{OperatingPoint, ReducedConfig, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPerMin};
 
 use crate::calibration::{oil_config, reduced_config};
-use crate::full::error::SimError;
-use crate::full::plant::Model;
-use crate::full::steady::{Held, Operating, Settings, SteadyPoint};
+use crate::full::{Held, Model, Operating, Settings, SimError, SteadyPoint};
 use crate::input::InputError;
 use crate::machine::Machine;
 use crate::record::BenchPoint;

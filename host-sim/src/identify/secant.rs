@@ -4,7 +4,7 @@
 //! out of the bracket that earlier calls have established, never below zero and never more often than allowed. A ratio
 //! above the leak-free ratio has no solution; that is said, with the leak-free ratio, and not turned into a negative Kou.
 
-use crate::full::error::SimError;
+use crate::full::SimError;
 
 use super::ratio_model::{At, RatioModel};
 

@@ -1,0 +1,67 @@
+//! Options that the commands of the full model share: machine, operating point, step.
+
+use std::path::PathBuf;
+
+use crate::full::{Held, Model, Operating, Settings, SimError};
+use crate::machine::Machine;
+
+use super::Failure;
+
+/// Machine, speed, oil and leakage of one operating point.
+#[derive(Debug, clap::Args)]
+pub struct Point {
+    /// Machine file (TOML).
+    #[arg(long, value_name = "MACHINE.toml")]
+    pub machine: PathBuf,
+    /// Pump speed, r/min.
+    #[arg(long, allow_negative_numbers = true)]
+    pub n_p_rpm: f64,
+    /// Leakage coefficient of one chamber, (L/min)/MPa.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub kou: f64,
+    /// Oil temperature, degC.
+    #[arg(long, default_value_t = 60.0, allow_negative_numbers = true)]
+    pub t_b_c: f64,
+    /// Displacement fraction of the pump, -1 to 1.
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    pub alpha: f64,
+    /// Step, degrees of pump angle.
+    #[arg(long, default_value_t = Settings::default().step_deg, allow_negative_numbers = true)]
+    pub step_deg: f64,
+}
+
+impl Point {
+    /// Loads the machine.
+    pub(super) fn model(&self) -> Result<Model, Failure> {
+        Ok(Model::new(&Machine::load(&self.machine)?)?)
+    }
+
+    /// The operating point with what is held at the motor.
+    pub(super) fn operating(&self, held: Held) -> Operating {
+        Operating {
+            n_p_rpm: self.n_p_rpm,
+            held,
+            t_b_c: self.t_b_c,
+            alpha: self.alpha,
+            kou_l_min_mpa: self.kou,
+        }
+    }
+
+    /// Settings with the wanted step.
+    pub(super) fn settings(&self) -> Settings {
+        Settings { step_deg: self.step_deg, ..Settings::default() }
+    }
+}
+
+impl From<SimError> for Failure {
+    fn from(error: SimError) -> Self {
+        match error {
+            SimError::Input(error) => Self::Input(error),
+            // What was asked for does not exist: the input's fault.
+            SimError::Unreachable { .. } | SimError::Output(_) => {
+                Self::Input(crate::input::InputError::new(error.to_string()))
+            }
+            other => Self::Check(other.to_string()),
+        }
+    }
+}
