@@ -17,6 +17,7 @@ pub fn run() -> Result<()> {
         (out.join("calibration.toml"), out.join("estimates.csv"), out.join("estimates.svg"));
 
     let law = host_sim.identify(&calibration)?;
+    let proof = host_sim.verify(&calibration)?;
     let host = host_sim.replay(&calibration, &estimates, &plot)?;
     let target = host_sim.pil(&calibration)?;
 
@@ -38,6 +39,20 @@ pub fn run() -> Result<()> {
     println!(
         "             it predicts their speed ratio to {:.4} % on average",
         number(&law, "ratio_error_mean_pct")?
+    );
+    println!(
+        "             Pump displacement corrected by {:+.2} %, found together with the law",
+        100.0 * (number(&law, "displacement_factor")? - 1.0)
+    );
+    println!(
+        "Verified     the controller's code against the full model at {} points: ratio {:.1e} mean,",
+        number(&proof, "points")?,
+        number(&proof, "ratio_error_mean")?
+    );
+    println!(
+        "             {:.1e} worst; Kou {:.2} % mean",
+        number(&proof, "ratio_error_max")?,
+        number(&proof, "kou_error_mean_pct")?
     );
     println!(
         "Replayed     {} samples on the host at {:.0} samples/s, {rejected} rejected;",

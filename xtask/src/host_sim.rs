@@ -36,8 +36,13 @@ impl HostSim {
 
     /// Identifies a calibration from the shipped bench points.
     pub fn identify(&self, calibration: &Path) -> Result<Value> {
-        let words = ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "rom", "--json", "--out"];
+        let words = ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "full", "--json", "--out"];
         self.json(&words, [calibration])
+    }
+
+    /// Compares the estimator with the full model over the envelope.
+    pub fn verify(&self, calibration: &Path) -> Result<Value> {
+        self.json(&["verify", "--machine", MACHINE, "--json", "--calibration"], [calibration])
     }
 
     /// Replays the shipped log on the host.

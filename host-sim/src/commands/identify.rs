@@ -11,10 +11,10 @@ use crate::identify::joint::Prior;
 use crate::identify::memory::Memory;
 use crate::identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
 use crate::identify::secant::Secant;
-use crate::identify::{Identification, TERMS, advice, coefficients, joint_scheme, physical, two_step};
+use crate::identify::{Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step};
 use crate::input::InputError;
 use crate::machine::Machine;
-use crate::record::read_bench;
+use crate::record::{read_bench, without_repeats};
 use crate::table::Mapping;
 
 /// Model that the identification inverts.
@@ -93,7 +93,8 @@ pub(super) fn mapping(path: Option<&Path>) -> Result<Mapping, InputError> {
     path.map_or_else(|| Ok(Mapping::default()), Mapping::read)
 }
 
-fn crc32_of(path: &Path) -> Result<u32, InputError> {
+/// CRC-32 of a file, for provenance.
+pub(super) fn crc32_of(path: &Path) -> Result<u32, InputError> {
     let bytes =
         std::fs::read(path).map_err(|e| InputError::new(format!("cannot be read: {e}")).at_file(path))?;
     Ok(kou_estimator::calibration::record::crc32(&bytes))
@@ -114,6 +115,7 @@ fn positive(text: &str) -> Result<f64, String> {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let machine = Machine::load(&args.machine)?;
     let points = read_bench(&args.bench, &mapping(args.map.as_deref())?, &machine)?;
+    let (points, repeated) = without_repeats(points);
     let settings = Settings {
         serial: args.serial.clone(),
         date: args.date.clone(),
@@ -139,10 +141,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         .map_err(|e| e.at_file(&args.bench))
     };
-    let result = match args.model {
+    let mut result = match args.model {
         Model::Rom => identify(None)?,
         Model::Full => with_full_model(args, &machine, &settings, points.len(), identify)?,
     };
+    // The same numbers to the last digit are a row that was copied, not a measurement that was repeated.
+    result.refused.extend(repeated.into_iter().map(|(point, line)| Refusal {
+        point,
+        reason: format!("repeats line {line}"),
+        leak_free_ratio: None,
+    }));
     calibration::write(&args.out, &result.calibration)?;
     let advice = match &result.solution {
         Some(solution) => {

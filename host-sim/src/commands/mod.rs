@@ -6,6 +6,7 @@ pub mod paper;
 pub mod pil;
 pub mod point;
 pub mod replay;
+pub mod report;
 pub mod simulate;
 pub mod step;
 pub mod synth;

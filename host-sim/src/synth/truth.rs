@@ -14,7 +14,8 @@
 use crate::machine::Machine;
 
 /// Kinematic viscosity of the machine's oil by Walther's law, mm2/s (ASTM D341).
-fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
+#[must_use]
+pub fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
     let oil = machine.oil();
     let exponent = oil.walther_a - oil.walther_b * (t_c + 273.15).log10();
     10_f64.powf(10_f64.powf(exponent)) - 0.7
