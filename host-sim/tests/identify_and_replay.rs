@@ -256,7 +256,12 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
         json(words.into_iter().chain([out.to_str().unwrap()]))
     };
     let dropped = |report: &serde_json::Value| {
-        report["dropped_terms"].as_array().unwrap().iter().map(|t| t.as_str().unwrap().to_string()).collect::<Vec<_>>()
+        report["dropped_terms"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|t| t.as_str().unwrap().to_string())
+            .collect::<Vec<_>>()
     };
     // Two points of different speed and pressure: a constant and one slope.
     let two = run(&[rows[0], rows[20]]);
@@ -288,7 +293,8 @@ fn file_of_200_megabytes_is_refused_for_what_it_is() {
     drop(file);
     assert!(std::fs::metadata(&path).unwrap().len() > 200_000_000);
     let out = folder.path("cal.toml");
-    let words = ["identify", "--machine", MACHINE, "--bench", path.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let words =
+        ["identify", "--machine", MACHINE, "--bench", path.to_str().unwrap(), "--out", out.to_str().unwrap()];
     let error = failure(2, words);
     assert!(error.contains("more than 10000 points") && error.contains("huge.csv:10002"), "{error}");
 }

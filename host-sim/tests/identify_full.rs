@@ -1,8 +1,8 @@
 //! Identification with the full model, measured against the truth of synthetic benches.
 
-mod support;
 #[path = "support/bench.rs"]
 mod bench;
+mod support;
 
 use bench::{best_quadratic_pct, kou_error_pct, machine, points, settings, truth, with_noise};
 use host_sim::identify::joint::Prior;
@@ -49,13 +49,18 @@ fn val_noise_free_bench_every_point_converges_and_the_law_is_near_the_best_quadr
     let two_step = paper(&machine, &bench);
     assert_eq!((two_step.points.len(), two_step.refused.len()), (45, 0));
     // A tolerance of 1e-4 of ratio is 0.3 to 2.5 % of Kou over the grid; most points end far inside it.
-    let worst = two_step.points.iter().map(|p| (p.kou / truth(&machine, &p.point) - 1.0).abs()).fold(0.0, f64::max);
+    let worst =
+        two_step.points.iter().map(|p| (p.kou / truth(&machine, &p.point) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 0.02, "{worst}");
     let joint = joint(&machine, &bench, &Prior::default());
     let (mean, max) = kou_error_pct(&machine, &joint);
     let best = best_quadratic_pct(&machine, &joint);
     println!("joint: Kou {mean:.2} % mean, {max:.1} % worst; the best possible quadratic {best:.2} %");
-    println!("two steps: Kou {:.2} % mean; points each {:.3} % at worst", kou_error_pct(&machine, &two_step).0, 100.0 * worst);
+    println!(
+        "two steps: Kou {:.2} % mean; points each {:.3} % at worst",
+        kou_error_pct(&machine, &two_step).0,
+        100.0 * worst
+    );
     assert!(mean <= 3.0 && best < mean && best > 0.1, "{mean} {best}");
 }
 
@@ -71,7 +76,9 @@ fn val_wrong_displacement_is_found_jointly_and_ruins_the_two_steps() {
         let by_steps = kou_error_pct(&truly, &paper(&file, &bench)).0;
         two_step_worst = two_step_worst.max(by_steps);
         let found = result.change.displacement * factor - 1.0;
-        println!("displacement {factor}: joint {mean:.2} % mean, {max:.1} % worst, found to {found:+.5}; two steps {by_steps:.1} %");
+        println!(
+            "displacement {factor}: joint {mean:.2} % mean, {max:.1} % worst, found to {found:+.5}; two steps {by_steps:.1} %"
+        );
         assert!(mean <= 3.5, "{mean}");
         assert!(result.points.len() == 45 && found.abs() < 2e-3, "{found}");
     }
@@ -105,15 +112,21 @@ fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
     let folder = Folder::new();
     let machine = machine("reference.toml");
     let out = folder.path("cal.toml");
-    let arguments = ["identify", "--bench", "tests/data/bench_45.csv", "--machine", "host-sim/machines/reference.toml"];
-    let report = json(arguments.into_iter().chain(["--model", "full", "--json", "--out", out.to_str().unwrap()]));
+    let arguments =
+        ["identify", "--bench", "tests/data/bench_45.csv", "--machine", "host-sim/machines/reference.toml"];
+    let report =
+        json(arguments.into_iter().chain(["--model", "full", "--json", "--out", out.to_str().unwrap()]));
     let error = report["ratio_error_mean_pct"].as_f64().unwrap();
     // The paper's empirical constant: mean Kou of 1000 r/min, 20 to 40 MPa, 90 degC.
     let rows = report["points"].as_array().unwrap();
     let number = |row: &serde_json::Value, key: &str| row[key].as_f64().unwrap();
     let chosen: Vec<f64> = rows
         .iter()
-        .filter(|r| number(r, "n_p_rpm") < 1100.0 && number(r, "t_b_c") > 85.0 && (15.0..45.0).contains(&number(r, "p_h_mpa")))
+        .filter(|r| {
+            number(r, "n_p_rpm") < 1100.0
+                && number(r, "t_b_c") > 85.0
+                && (15.0..45.0).contains(&number(r, "p_h_mpa"))
+        })
         .map(|r| number(r, "kou"))
         .collect();
     assert_eq!(chosen.len(), 3);
@@ -133,7 +146,9 @@ fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
                 (full.solve(&at, constant).unwrap().ratio / number(r, "ratio") - 1.0).abs()
             })
             .sum::<f64>();
-    println!("mean error of the ratio: law {error:.3} %, constant {constant:.4} {by_constant:.2} % (paper: 0.81 and 5.07)");
+    println!(
+        "mean error of the ratio: law {error:.3} %, constant {constant:.4} {by_constant:.2} % (paper: 0.81 and 5.07)"
+    );
     assert!(error <= 0.3 && by_constant > 3.0 * error);
     assert!(root().join("tests/data/bench_45.csv").exists());
 }
@@ -152,7 +167,10 @@ fn val_verify_holds_its_limits_on_both_machines() {
         let report = json(["verify", "--machine", &file, "--calibration", cal, "--json"]);
         println!(
             "{name}: ratio {} mean, {} worst; Kou {} % mean, {} % worst",
-            report["ratio_error_mean"], report["ratio_error_max"], report["kou_error_mean_pct"], report["kou_error_max_pct"]
+            report["ratio_error_mean"],
+            report["ratio_error_max"],
+            report["kou_error_mean_pct"],
+            report["kou_error_max_pct"]
         );
         assert!(report["points"].as_u64().unwrap() >= 190);
         assert!(report["worst"]["alpha"].is_number());
@@ -160,8 +178,10 @@ fn val_verify_holds_its_limits_on_both_machines() {
         let text = std::fs::read_to_string(cal).unwrap();
         let line = text.lines().find(|l| l.starts_with("leaking_chambers = ")).unwrap();
         let chambers: f64 = line.rsplit(' ').next().unwrap().parse().unwrap();
-        let broken = folder.write("broken.toml", text.replace(line, &format!("leaking_chambers = {}", chambers * 0.98)));
-        let output = support::host_sim(["verify", "--machine", &file, "--calibration", broken.to_str().unwrap()]);
+        let broken = folder
+            .write("broken.toml", text.replace(line, &format!("leaking_chambers = {}", chambers * 0.98)));
+        let output =
+            support::host_sim(["verify", "--machine", &file, "--calibration", broken.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
     }
 }

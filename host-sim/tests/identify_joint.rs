@@ -1,20 +1,20 @@
 //! The joint fit itself, with the reduced model as truth: statistics that need many fits.
 
-mod support;
 #[path = "support/bench.rs"]
 mod bench;
+mod support;
 
 use bench::{machine, points, settings, truth, with_noise};
 use host_sim::calibration;
+use host_sim::full::SimError;
 use host_sim::identify::joint::Prior;
 use host_sim::identify::ratio_model::{At, Change, RatioModel, ReducedRatio, Solved};
 use host_sim::identify::{Identification, advice, joint_scheme};
-use host_sim::full::SimError;
 use host_sim::input::InputError;
 use host_sim::machine::Machine;
 use host_sim::record::BenchPoint;
-use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 use kou_estimator::Params;
+use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
     joint_scheme::identify(machine, points, &settings(), None, prior).unwrap()
@@ -118,7 +118,15 @@ fn advice_keeps_its_promise_when_it_is_followed() {
     for [n, p, t, alpha] in &best.points {
         let at = At { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: *alpha };
         let ratio = reduced.ratio(&at, bench::truth_at(&machine, *n, *p, *t));
-        bench.push(BenchPoint { line: 99, n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: *alpha, ratio });
+        bench.push(BenchPoint {
+            line: 99,
+            n_p_rpm: *n,
+            p_h_mpa: *p,
+            p_l_mpa: None,
+            t_b_c: *t,
+            alpha: *alpha,
+            ratio,
+        });
     }
     let then = joint(&machine, &bench, &prior);
     let bulk = then.unknowns.iter().find(|u| u.name == "bulk_modulus").unwrap();

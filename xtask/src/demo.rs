@@ -15,11 +15,13 @@ pub fn run() -> Result<()> {
     let out = out_dir("demo")?;
     let (calibration, estimates, plot) =
         (out.join("calibration.toml"), out.join("estimates.csv"), out.join("estimates.svg"));
+    let page = out.join("report.html");
 
     let law = host_sim.identify(&calibration)?;
     let proof = host_sim.verify(&calibration)?;
     let host = host_sim.replay(&calibration, &estimates, &plot)?;
     let target = host_sim.pil(&calibration)?;
+    host_sim.report(&page)?;
 
     let samples = number(&target, "samples")?;
     let mismatches = number(&target, "mismatches")?;
@@ -73,5 +75,6 @@ pub fn run() -> Result<()> {
     println!("Calibration  {}", calibration.display());
     println!("Estimates    {}", estimates.display());
     println!("Picture      {}", plot.display());
+    println!("Report       {}", page.display());
     Ok(())
 }

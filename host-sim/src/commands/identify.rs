@@ -11,7 +11,9 @@ use crate::identify::joint::Prior;
 use crate::identify::memory::Memory;
 use crate::identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
 use crate::identify::secant::Secant;
-use crate::identify::{Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step};
+use crate::identify::{
+    Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step,
+};
 use crate::input::InputError;
 use crate::machine::Machine;
 use crate::record::{read_bench, without_repeats};

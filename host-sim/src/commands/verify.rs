@@ -88,8 +88,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .collect::<Result<_, Failure>>()?;
     let not_steady = compared.iter().filter(|c| c.is_none()).count();
     let report = judge(compared.into_iter().flatten().collect(), not_steady);
-    if args.json { print_json(&report)? } else { print_text(&text(&report))? }
-    if report.passed { Ok(()) } else { Err(Failure::Check("the estimator is not as good as it must be".into())) }
+    if args.json {
+        print_json(&report)?
+    } else {
+        print_text(&text(&report))?
+    }
+    if report.passed {
+        Ok(())
+    } else {
+        Err(Failure::Check("the estimator is not as good as it must be".into()))
+    }
 }
 
 /// How the calibrated machine differs from its file.

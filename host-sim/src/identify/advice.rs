@@ -52,7 +52,8 @@ pub fn advise(
         let high = measured.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
         [low, 0.5 * (low + high), high]
     };
-    let (speeds, pressures, temperatures) = (levels(|a| a.n_p_rpm), levels(|a| a.p_h_mpa), levels(|a| a.t_b_c));
+    let (speeds, pressures, temperatures) =
+        (levels(|a| a.n_p_rpm), levels(|a| a.p_h_mpa), levels(|a| a.t_b_c));
     let mut blocks: Vec<Vec<[f64; 4]>> = Vec::new();
     for t in temperatures {
         for alpha in [0.3, 0.45, 0.6, 0.8] {
@@ -63,7 +64,11 @@ pub fn advise(
             blocks.extend(pressures.map(|p| vec![[n, p, t, 1.0]]));
         }
     }
-    let kou_se_now_pct = mean_se_pct(&here, &solution.unknowns, &(&solution.covariance_root * solution.covariance_root.transpose()));
+    let kou_se_now_pct = mean_se_pct(
+        &here,
+        &solution.unknowns,
+        &(&solution.covariance_root * solution.covariance_root.transpose()),
+    );
     let mut proposals = Vec::new();
     for block in blocks {
         let rows: Vec<Row> = block.iter().map(|p| row(*p)).collect();
@@ -81,13 +86,19 @@ pub fn advise(
     proposals.sort_by(|a, b| gain(a).total_cmp(&gain(b)));
     // The best single point and the best block of a new setting answer different questions: neither may crowd out the other.
     let (single, block): (Vec<_>, Vec<_>) = proposals.into_iter().partition(|p| p.points.len() == 1);
-    let mut best: Vec<Proposal> = block.into_iter().take(2).chain(single.into_iter().take(PROPOSALS - 2)).collect();
+    let mut best: Vec<Proposal> =
+        block.into_iter().take(2).chain(single.into_iter().take(PROPOSALS - 2)).collect();
     best.sort_by(|a, b| a.kou_se_then_pct.total_cmp(&b.kou_se_then_pct));
     Ok(best)
 }
 
 /// Covariance of the unknowns after measuring `rows`, by the update of a Kalman filter.
-fn after(rows: &[Row], reduced: &ReducedRatio, solution: &Solution, prior: &Prior) -> Result<DMatrix<f64>, InputError> {
+fn after(
+    rows: &[Row],
+    reduced: &ReducedRatio,
+    solution: &Solution,
+    prior: &Prior,
+) -> Result<DMatrix<f64>, InputError> {
     let mut settings = solution.settings.clone();
     let mut unknowns = solution.unknowns.clone();
     let alpha = rows.first().map_or(1.0, |r| r.at.alpha);

@@ -224,7 +224,8 @@ impl Problem<'_> {
             with(Change { displacement: now.displacement + STEP, ..now })?,
             with(Change { displacement: now.displacement - STEP, ..now })?,
         ];
-        let softened = [with(Change { bulk: now.bulk + STEP, ..now })?, with(Change { bulk: now.bulk - STEP, ..now })?];
+        let softened =
+            [with(Change { bulk: now.bulk + STEP, ..now })?, with(Change { bulk: now.bulk - STEP, ..now })?];
         let (n, count) = (self.rows.len(), unknowns.len());
         let mut linear = Linear {
             jacobian: DMatrix::zeros(n, count),
@@ -238,7 +239,8 @@ impl Problem<'_> {
             let kou: f64 = row.phi.iter().zip(unknowns).map(|(f, k)| f * k).sum();
             let slope = model.slope(&at) * at.alpha.signum();
             let ratio = model.ratio(&at, kou) + correction;
-            let central = |pair: &[ReducedRatio; 2]| (pair[0].ratio(&at, kou) - pair[1].ratio(&at, kou)) / (2.0 * STEP);
+            let central =
+                |pair: &[ReducedRatio; 2]| (pair[0].ratio(&at, kou) - pair[1].ratio(&at, kou)) / (2.0 * STEP);
             let per_mpa = {
                 let higher = At { p_h_mpa: at.p_h_mpa * (1.0 + STEP), ..at };
                 (model.ratio(&higher, kou) - model.ratio(&at, kou)) / (at.p_h_mpa * STEP)
@@ -292,11 +294,8 @@ impl Problem<'_> {
         let svd = whole.svd(true, true);
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { unreachable!("both were asked for") };
         let largest = svd.singular_values.max();
-        let inverse: Vec<f64> = svd
-            .singular_values
-            .iter()
-            .map(|s| if *s > 1e-12 * largest { 1.0 / s } else { 0.0 })
-            .collect();
+        let inverse: Vec<f64> =
+            svd.singular_values.iter().map(|s| if *s > 1e-12 * largest { 1.0 / s } else { 0.0 }).collect();
         let mut root = v_t.transpose();
         for (k, inverse) in inverse.iter().enumerate() {
             root.column_mut(k).scale_mut(*inverse);
@@ -317,12 +316,8 @@ impl Problem<'_> {
 
 /// Huber's weights of the residuals, each made comparable by its leverage, on the scale of their median.
 fn huber(linear: &Linear, leverage: &[f64]) -> Vec<f64> {
-    let standard: Vec<f64> = linear
-        .residual
-        .iter()
-        .zip(leverage)
-        .map(|(r, h)| r.abs() / (1.0 - h).max(1e-3).sqrt())
-        .collect();
+    let standard: Vec<f64> =
+        linear.residual.iter().zip(leverage).map(|(r, h)| r.abs() / (1.0 - h).max(1e-3).sqrt()).collect();
     let mut sorted = standard.clone();
     sorted.sort_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);

@@ -53,7 +53,9 @@ pub fn identify(
         calls += more;
         let mut out: Vec<(usize, Refusal)> = failed
             .into_iter()
-            .map(|(i, error)| (i, Refusal { point: used[i], reason: error.to_string(), leak_free_ratio: None }))
+            .map(|(i, error)| {
+                (i, Refusal { point: used[i], reason: error.to_string(), leak_free_ratio: None })
+            })
             .collect();
         if out.is_empty() {
             out = unexplained(&rows, &solution, &used);
@@ -108,10 +110,8 @@ pub fn identify(
 
 /// Normalisers, region and kept terms, from the points and their coefficients by the reduced model.
 fn shape_of_law(reduced: &ReducedRatio, points: &[BenchPoint]) -> LawFit {
-    let rough: Vec<[f64; 4]> = points
-        .iter()
-        .map(|p| [p.n_p_rpm, p.p_h_mpa, p.t_b_c, reduced.kou(&At::from(p), p.ratio)])
-        .collect();
+    let rough: Vec<[f64; 4]> =
+        points.iter().map(|p| [p.n_p_rpm, p.p_h_mpa, p.t_b_c, reduced.kou(&At::from(p), p.ratio)]).collect();
     LawFit::new(&rough)
 }
 

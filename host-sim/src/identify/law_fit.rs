@@ -41,12 +41,7 @@ impl LawFit {
         // A cold bench must not turn the sign of z around.
         let t_max = largest(|[_, _, t, _]| *t).max(10.0);
         let normalised = |[n, p, t, _]: &[f64; 4]| [n / n_max, p / p_max, t / t_max];
-        let rows: Vec<[f64; 10]> = points
-            .iter()
-            .map(|point| {
-                phi(normalised(point))
-            })
-            .collect();
+        let rows: Vec<[f64; 10]> = points.iter().map(|point| phi(normalised(point))).collect();
         let columns = DMatrix::from_row_iterator(rows.len(), 10, rows.into_iter().flatten());
         let observed = DVector::from_iterator(points.len(), points.iter().map(|[.., kou]| *kou));
         let Fit { coefficients, dropped, condition_number, residual_se, .. } =

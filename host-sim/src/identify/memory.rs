@@ -156,7 +156,8 @@ mod tests {
     fn interrupted_run_finds_its_answers_again_and_passes_over_a_torn_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("partial");
-        let machine = Machine::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("machines/reference.toml")).unwrap();
+        let machine =
+            Machine::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("machines/reference.toml")).unwrap();
         let model = ReducedRatio::new(&machine).unwrap();
         let at = At { n_p_rpm: 1000.0, p_h_mpa: 30.0, p_l_mpa: None, t_b_c: 60.0, alpha: 1.0 };
         let change = Change { displacement: 1.01, bulk: 0.9 };

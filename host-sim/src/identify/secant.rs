@@ -73,7 +73,10 @@ impl Bracket {
     /// `wanted` where the bracket allows it, otherwise a point inside it.
     fn admit(&self, wanted: f64) -> f64 {
         match (self.below, self.above) {
-            _ if wanted.is_finite() && wanted > self.below.unwrap_or(0.0) && self.above.is_none_or(|a| wanted < a) => {
+            _ if wanted.is_finite()
+                && wanted > self.below.unwrap_or(0.0)
+                && self.above.is_none_or(|a| wanted < a) =>
+            {
                 wanted
             }
             (Some(below), Some(above)) => 0.5 * (below + above),
@@ -88,7 +91,13 @@ impl Bracket {
 ///
 /// # Errors
 /// A ratio that no leakage explains, too many calls, or a failure of the model.
-pub fn solve(model: &dyn RatioModel, at: &At, ratio: f64, start: [f64; 2], how: &Secant) -> Result<Found, NotFound> {
+pub fn solve(
+    model: &dyn RatioModel,
+    at: &At,
+    ratio: f64,
+    start: [f64; 2],
+    how: &Secant,
+) -> Result<Found, NotFound> {
     let mut calls = 0;
     let mut bracket = Bracket::default();
     let mut last: Option<(f64, f64)> = None;

@@ -67,7 +67,8 @@ pub fn identify(
     let coordinates: Vec<[f64; 4]> =
         explained.iter().map(|(p, found)| [p.n_p_rpm, p.p_h_mpa, p.t_b_c, found.kou]).collect();
     let fit = LawFit::new(&coordinates);
-    let calibration = assemble(machine, reduced_config(machine), fit.law, fit.region, explained.len(), settings)?;
+    let calibration =
+        assemble(machine, reduced_config(machine), fit.law, fit.region, explained.len(), settings)?;
     let params = Params::new(&calibration)
         .map_err(|e| InputError::new(format!("the estimator refuses the identified calibration: {e}")))?;
     let low_mpa = machine.circuit().low_pressure_mpa;

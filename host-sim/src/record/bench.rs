@@ -67,7 +67,8 @@ pub fn read_bench(path: &Path, mapping: &Mapping, machine: &Machine) -> Result<V
                 )));
         }
         if points.len() == MAX_POINTS {
-            let message = format!("has more than {MAX_POINTS} points; is it a log, not a table of steady points?");
+            let message =
+                format!("has more than {MAX_POINTS} points; is it a log, not a table of steady points?");
             return Err(InputError::new(message).at_file(path).at_line(table.line()));
         }
         points.push(BenchPoint {

@@ -118,8 +118,21 @@ impl Chart {
             let right = WIDTH - RIGHT;
             write!(svg, r#"<path class="grid" d="M{LEFT} {y:.1}H{right}"/><text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"#, LEFT - 6.0, y + 4.0, label(t)).ok();
         }
-        write!(svg, r#"<text x="{:.0}" y="{:.0}" text-anchor="middle">{}</text>"#, 0.5 * (LEFT + WIDTH), HEIGHT - 10.0, escape(self.x)).ok();
-        write!(svg, r#"<text transform="translate(16 {:.0})rotate(-90)" text-anchor="middle">{}</text>"#, 0.5 * (HEIGHT - BOTTOM + TOP), escape(self.y)).ok();
+        write!(
+            svg,
+            r#"<text x="{:.0}" y="{:.0}" text-anchor="middle">{}</text>"#,
+            0.5 * (LEFT + WIDTH),
+            HEIGHT - 10.0,
+            escape(self.x)
+        )
+        .ok();
+        write!(
+            svg,
+            r#"<text transform="translate(16 {:.0})rotate(-90)" text-anchor="middle">{}</text>"#,
+            0.5 * (HEIGHT - BOTTOM + TOP),
+            escape(self.y)
+        )
+        .ok();
         for (i, series) in self.series.iter().enumerate() {
             let colour = COLOURS[i % COLOURS.len()];
             write!(svg, r#"<g class="series" data-series="{i}" fill="{colour}" stroke="{colour}">"#).ok();
@@ -165,7 +178,12 @@ impl Series {
             write!(svg, r#"<path d="{}Z" fill-opacity=".15" stroke="none"/>"#, path(&mut outline)).ok();
         }
         if self.style != Style::Dots {
-            write!(svg, r#"<path d="{}" fill="none" stroke-width="1.8"/>"#, path(&mut self.points.iter().map(|p| (p.0, p.1)))).ok();
+            write!(
+                svg,
+                r#"<path d="{}" fill="none" stroke-width="1.8"/>"#,
+                path(&mut self.points.iter().map(|p| (p.0, p.1)))
+            )
+            .ok();
         }
         for p in &self.points {
             let (x, y) = at((p.0, p.1));
@@ -179,7 +197,12 @@ impl Series {
             let radius = if self.style == Style::Dots { 3.2 } else { 1.6 };
             let error = p.2.map_or(String::new(), |se| format!(" +- {}", label(se)));
             let reading = format!("{}: {}, {}{error}", self.name, label(p.0), label(p.1));
-            write!(svg, r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}"><title>{}</title></circle>"#, escape(&reading)).ok();
+            write!(
+                svg,
+                r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}"><title>{}</title></circle>"#,
+                escape(&reading)
+            )
+            .ok();
         }
         svg
     }

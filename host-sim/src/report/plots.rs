@@ -62,7 +62,12 @@ fn fig12_ratio(study: &Study) -> Chart {
     let longest = all.iter().map(|s| s.points.len()).max().unwrap_or(1) as f64;
     let ratio = study.case.0.ratio;
     all.push(series("measured", Style::Line, vec![(1.0, ratio, None), (longest, ratio, None)]));
-    Chart { title: "Ratio in the same searches".into(), x: "call of the full model", y: "speed ratio", series: all }
+    Chart {
+        title: "Ratio in the same searches".into(),
+        x: "call of the full model",
+        y: "speed ratio",
+        series: all,
+    }
 }
 
 fn fig13(study: &Study) -> Chart {
@@ -91,7 +96,8 @@ fn used(study: &Study) -> Vec<BenchPoint> {
 
 /// Kou by the law with its standard error.
 fn law(joint: &Identification, n: f64, p: f64, t: f64) -> (f64, f64) {
-    let point = BenchPoint { line: 0, n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: 1.0, ratio: 1.0 };
+    let point =
+        BenchPoint { line: 0, n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: 1.0, ratio: 1.0 };
     let f = phi(normalised(&joint.fit.law, n, p, t));
     let of_coefficients: f64 = joint
         .fit
@@ -175,7 +181,8 @@ fn residual_ratio(study: &Study) -> Chart {
 
 fn residual_kou(study: &Study) -> Chart {
     let points = study.joint.points.iter().map(|p| (p.kou, p.kou_law, Some(p.kou_law_se))).collect();
-    let [low, high] = study.joint.points.iter().fold([f64::INFINITY, 0.0_f64], |[l, h], p| [l.min(p.kou), h.max(p.kou)]);
+    let [low, high] =
+        study.joint.points.iter().fold([f64::INFINITY, 0.0_f64], |[l, h], p| [l.min(p.kou), h.max(p.kou)]);
     Chart {
         title: "Kou by the law over Kou seen, 95 % intervals".into(),
         x: "Kou seen, (L/min)/MPa",

@@ -84,7 +84,9 @@ impl Study {
         let constant = empirical_constant(&joint);
         let constant_error_pct = used
             .par_iter()
-            .map(|p| found.solve(&At::from(p), constant).map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0)))
+            .map(|p| {
+                found.solve(&At::from(p), constant).map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0))
+            })
             .collect();
 
         let fig8_rpm = nearest(&used, |p| p.n_p_rpm, 2000.0);
@@ -94,7 +96,15 @@ impl Study {
             .into_par_iter()
             .filter_map(|i| {
                 let p_h_mpa = low + (high - low) * f64::from(i) / 12.0;
-                let point = BenchPoint { line: 0, n_p_rpm: fig8_rpm, p_h_mpa, p_l_mpa: None, t_b_c, alpha: 1.0, ratio: 1.0 };
+                let point = BenchPoint {
+                    line: 0,
+                    n_p_rpm: fig8_rpm,
+                    p_h_mpa,
+                    p_l_mpa: None,
+                    t_b_c,
+                    alpha: 1.0,
+                    ratio: 1.0,
+                };
                 let at = At::from(&point);
                 let free = found.solve(&at, 0.0).ok()?.ratio;
                 let leaking = found.solve(&at, evaluate(&joint.fit, &point).max(0.0)).ok()?.ratio;
@@ -105,7 +115,9 @@ impl Study {
         let case = case_study(&used, found.as_ref());
         let measured: Vec<At> = used.iter().map(At::from).collect();
         let advice = match &joint.solution {
-            Some(solution) => advice::advise(&measured, &joint.fit, &ReducedRatio::new(machine)?, solution, prior)?,
+            Some(solution) => {
+                advice::advise(&measured, &joint.fit, &ReducedRatio::new(machine)?, solution, prior)?
+            }
             None => Vec::new(),
         };
         Ok(Self { joint, paper, constant, constant_error_pct, fig8, fig8_rpm, case, advice })
@@ -135,7 +147,8 @@ fn empirical_constant(joint: &Identification) -> f64 {
     let of = |value: fn(&BenchPoint) -> f64| joint.points.iter().map(move |p| value(&p.point));
     let slowest = of(|p| p.n_p_rpm).fold(f64::INFINITY, f64::min);
     let hottest = of(|p| p.t_b_c).fold(f64::NEG_INFINITY, f64::max);
-    let [low, high] = [of(|p| p.p_h_mpa).fold(f64::INFINITY, f64::min), of(|p| p.p_h_mpa).fold(0.0, f64::max)];
+    let [low, high] =
+        [of(|p| p.p_h_mpa).fold(f64::INFINITY, f64::min), of(|p| p.p_h_mpa).fold(0.0, f64::max)];
     let chosen: Vec<f64> = joint
         .points
         .iter()

@@ -49,8 +49,16 @@ pub fn head(study: &Study) -> String {
         &["Kou as", "mean error of the ratio, %", "the same, point left out, %"],
         [
             vec![format!("constant {:.4}", study.constant), format!("{constant_mean:.3}"), String::new()],
-            vec!["law, two steps (paper)".into(), format!("{:.3}", study.paper.ratio_error_mean_pct), String::new()],
-            vec!["law, joint".into(), format!("{:.3}", joint.ratio_error_mean_pct), format!("{:.3}", mean_loo_pct(joint))],
+            vec![
+                "law, two steps (paper)".into(),
+                format!("{:.3}", study.paper.ratio_error_mean_pct),
+                String::new(),
+            ],
+            vec![
+                "law, joint".into(),
+                format!("{:.3}", joint.ratio_error_mean_pct),
+                format!("{:.3}", mean_loo_pct(joint)),
+            ],
         ],
     );
     text += "<h2>What was found besides the law</h2>\n";
@@ -93,7 +101,9 @@ pub fn tail(study: &Study) -> String {
         joint.chi2_per_freedom,
         or_dash(&joint.fit.dropped.join(", "))
     );
-    let se = |term: &str| joint.unknowns.iter().find(|u| u.name == term).map_or(String::new(), |u| format!("{:.5}", u.se));
+    let se = |term: &str| {
+        joint.unknowns.iter().find(|u| u.name == term).map_or(String::new(), |u| format!("{:.5}", u.se))
+    };
     text += &table(
         &["term", "normalised, (L/min)/MPa", "standard error", "physical"],
         TERMS.into_iter().zip(coefficients(law)).zip(physical(law)).map(|((term, k), physical)| {
@@ -106,7 +116,12 @@ pub fn tail(study: &Study) -> String {
         .iter()
         .map(|r| {
             let free = r.leak_free_ratio.map_or(String::new(), |f| format!("leak-free ratio {f:.5}"));
-            vec![r.point.line.to_string(), format!("{:.5}", r.point.ratio), format!("not used: {}", r.reason), free]
+            vec![
+                r.point.line.to_string(),
+                format!("{:.5}", r.point.ratio),
+                format!("not used: {}", r.reason),
+                free,
+            ]
         })
         .collect();
     rows.extend(joint.points.iter().filter(|p| p.is_outlier()).map(|p| {
@@ -138,7 +153,12 @@ pub fn tail(study: &Study) -> String {
     .ok();
     text += "<h2>What to measure next</h2>\n";
     text += &table(
-        &["points (r/min, MPa, degC, displacement)", "standard error of Kou now, %", "then, %", "of the bulk modulus then, %"],
+        &[
+            "points (r/min, MPa, degC, displacement)",
+            "standard error of Kou now, %",
+            "then, %",
+            "of the bulk modulus then, %",
+        ],
         study.advice.iter().map(|a| {
             let points: Vec<String> =
                 a.points.iter().map(|[n, p, t, alpha]| format!("{n:.0}, {p:.0}, {t:.0}, {alpha}")).collect();

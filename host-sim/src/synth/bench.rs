@@ -65,11 +65,13 @@ pub fn write_bench(
             let kou = kou_truth(machine, *n, *p, *t);
             let truly = if *alpha < 1.0 { alpha * (1.0 + SETTING_ERROR) } else { 1.0 };
             let at = At { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: truly };
-            let solved = model.solve(&at, kou).map_err(|e| InputError::new(format!("{n} r/min, {p} MPa: {e}")))?;
+            let solved =
+                model.solve(&at, kou).map_err(|e| InputError::new(format!("{n} r/min, {p} MPa: {e}")))?;
             Ok((solved.ratio, kou))
         })
         .collect::<Result<_, InputError>>()?;
-    let errors = instruments.as_ref().map_or_else(|| "No errors of instruments.".to_string(), Instruments::describe);
+    let errors =
+        instruments.as_ref().map_or_else(|| "No errors of instruments.".to_string(), Instruments::describe);
     let mut text = format!(
         "# SYNTHETIC bench table, not measured: machine `{}`, {origin}.\n\
          # Leakage truth: three laminar gaps (piston, slipper, valve plate), not quadratic; in column kou_true.\n# {errors}\n",
@@ -78,7 +80,11 @@ pub fn write_bench(
     if partial {
         text += "# At partial displacement the true setting is 0.4 % larger than column alpha says.\n";
     }
-    text += if partial { "n_p_rpm,p_h_mpa,t_b_c,ratio,alpha,kou_true\n" } else { "n_p_rpm,p_h_mpa,t_b_c,ratio,kou_true\n" };
+    text += if partial {
+        "n_p_rpm,p_h_mpa,t_b_c,ratio,alpha,kou_true\n"
+    } else {
+        "n_p_rpm,p_h_mpa,t_b_c,ratio,kou_true\n"
+    };
     for ([n, p, t, alpha], (ratio, kou)) in stood.into_iter().zip(solved) {
         let [n_seen, n_m, p_seen, t_seen] = match &mut instruments {
             Some(i) => [i.pump_speed(n), i.motor_speed(n * ratio), i.pressure(p), i.temperature(t)],

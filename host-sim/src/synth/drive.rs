@@ -92,7 +92,8 @@ fn true_ratios(machine: &Machine, model: &dyn RatioModel) -> Result<Vec<f64>, In
             if at.alpha == 0.0 {
                 return Ok(0.0);
             }
-            let solved = model.solve(&at, kou).map_err(|e| InputError::new(format!("row {}: {e}", knot * KNOT)))?;
+            let solved =
+                model.solve(&at, kou).map_err(|e| InputError::new(format!("row {}: {e}", knot * KNOT)))?;
             Ok(solved.ratio.abs() - reduced.ratio(&at, kou).abs())
         })
         .collect::<Result<_, InputError>>()?;

@@ -142,7 +142,11 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     let fewer = (c.reduced.fewer_leaking_per_rpm * c.sensor_ranges.speed_max.get()).abs()
         + (c.reduced.fewer_leaking_per_root_mpa * root).abs();
     let few = fewer <= 0.5 * c.reduced.leaking_chambers;
-    consistent("reduced.fewer_leaking_per_rpm", few, "changes the number of leaking chambers by more than half")?;
+    consistent(
+        "reduced.fewer_leaking_per_rpm",
+        few,
+        "changes the number of leaking chambers by more than half",
+    )?;
     let chambers = f32::from(m.pump_pistons) + f32::from(m.motor_pistons);
     consistent(
         "reduced.leaking_chambers",

@@ -160,7 +160,8 @@ pub mod reference {
             let swept = alpha.abs() * self.d_p;
             let dead = self.dead_p + self.d_p * (1.0 - alpha.abs()) / 2.0;
             let root = (p_h - self.p_low).sqrt();
-            let chambers = self.chambers - self.fewer_per_rpm * alpha.abs() * n_p - self.fewer_per_root * root;
+            let chambers =
+                self.chambers - self.fewer_per_rpm * alpha.abs() * n_p - self.fewer_per_root * root;
             let leak = 1000.0 * (chambers * kou * p_h + self.groove * root) / n_p;
             alpha.signum() * (swept - (swept + dead) * chi - leak) / (self.d_m + self.dead_m * chi)
         }
