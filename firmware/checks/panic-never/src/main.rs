@@ -64,7 +64,7 @@ mod entries {
 fn pieces(params: &Params, at: &OperatingPoint) {
     let law = params.law();
     let point = law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
-    black_box((law.evaluate(point), law.residual_se()));
+    black_box((law.evaluate(point), law.standard_error(point)));
 
     let model = params.reduced();
     let balance = model.balance(at);
