@@ -7,7 +7,7 @@ pub mod samples;
 use kou_estimator::calibration::{
     Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges, record,
 };
-use kou_estimator::law::LawConfig;
+use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedConfig;
 use kou_estimator::region::RegionConfig;
@@ -55,6 +55,9 @@ pub fn reference_calibration() -> Calibration {
             motor_displacement: CubicCentimetrePerRev(300.0),
             motor_dead_volume: CubicCentimetre(90.0),
             leaking_chambers: 8.7,
+            fewer_leaking_per_rpm: 6e-5,
+            fewer_leaking_per_root_mpa: 0.02,
+            groove_flow: 0.01,
             case_pressure: Megapascal(0.0),
         },
         law: LawConfig {
@@ -72,6 +75,7 @@ pub fn reference_calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.0015),
+            error_root: LawErrorRoot { c: [1e-3; 10], b2: [5e-4; 8], ..LawErrorRoot::NONE },
         },
         region: RegionConfig::around(corners, 0.01),
         sensor_errors: SensorErrors {

@@ -12,5 +12,6 @@ pub mod machine;
 pub mod pil;
 pub mod record;
 pub mod replay;
+pub mod report;
 pub mod synth;
 pub mod table;

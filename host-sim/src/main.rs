@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_sim::commands::{Failure, identify, paper, pil, replay, simulate, step, synth};
+use host_sim::commands::{Failure, identify, paper, pil, replay, report, simulate, step, synth, verify};
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
 #[derive(Debug, Parser)]
@@ -19,6 +19,8 @@ enum Command {
     Replay(replay::Args),
     Pil(pil::Args),
     Synth(synth::Args),
+    Verify(verify::Args),
+    Report(report::Args),
     Simulate(simulate::Args),
     Step(step::Args),
     Paper(paper::Args),
@@ -37,6 +39,8 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(&args),
         Command::Pil(args) => pil::run(&args),
         Command::Synth(args) => synth::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Step(args) => step::run(&args),
         Command::Paper(args) => paper::run(&args),

@@ -10,8 +10,13 @@ const BENCH: &str = "tests/data/bench_45.csv";
 const DRIVE: &str = "tests/data/drive.csv";
 
 fn identify(folder: &Folder, name: &str) -> serde_json::Value {
+    identify_by(folder, name, "joint")
+}
+
+fn identify_by(folder: &Folder, name: &str, scheme: &str) -> serde_json::Value {
     let out = folder.path(name);
-    json(["identify", "--bench", BENCH, "--machine", MACHINE, "--out", out.to_str().unwrap(), "--json"])
+    let words = ["identify", "--bench", BENCH, "--machine", MACHINE, "--scheme", scheme, "--json", "--out"];
+    json(words.into_iter().chain([out.to_str().unwrap()]))
 }
 
 /// The truth beside each point of the shipped bench table.
@@ -113,6 +118,8 @@ fn shipped_records_are_what_the_committed_generator_makes() {
         MACHINE,
         "--seed",
         "1",
+        "--class",
+        "A",
         "--out",
         bench.to_str().unwrap(),
         "--drive",
@@ -234,9 +241,69 @@ fn points_that_no_leakage_explains_are_named_and_left_out() {
 }
 
 #[test]
+fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
+    let folder = Folder::new();
+    let shipped = std::fs::read_to_string(root().join(BENCH)).unwrap();
+    let (heading, rows): (Vec<&str>, Vec<&str>) = {
+        let all: Vec<&str> = shipped.lines().collect();
+        (all[..4].to_vec(), all[4..].to_vec())
+    };
+    let run = |rows: &[&str]| {
+        let text = heading.iter().chain(rows).copied().collect::<Vec<_>>().join("\n");
+        let bench = folder.write("bench.csv", text);
+        let out = folder.path("cal.toml");
+        let words = ["identify", "--machine", MACHINE, "--json", "--bench", bench.to_str().unwrap(), "--out"];
+        json(words.into_iter().chain([out.to_str().unwrap()]))
+    };
+    let dropped = |report: &serde_json::Value| {
+        report["dropped_terms"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|t| t.as_str().unwrap().to_string())
+            .collect::<Vec<_>>()
+    };
+    // Two points of different speed and pressure: a constant and one slope.
+    let two = run(&[rows[0], rows[20]]);
+    assert_eq!((two["points"].as_array().unwrap().len(), dropped(&two).len()), (2, 8));
+    // One temperature: nothing that depends on it.
+    let one_temperature = run(&rows[..15]);
+    assert_eq!(dropped(&one_temperature), ["b3", "a33", "a13", "a23"]);
+    assert_eq!(one_temperature["law"]["normalised"]["b3"], 0.0);
+    // A copied row counts once and is named.
+    let mut copied = rows.clone();
+    copied.insert(7, rows[3]);
+    let repeated = run(&copied);
+    assert_eq!(repeated["points"].as_array().unwrap().len(), 45);
+    assert_eq!(repeated["refused_points"][0]["line"], 12);
+    assert_eq!(repeated["refused_points"][0]["reason"], "repeats line 8");
+}
+
+#[test]
+fn file_of_200_megabytes_is_refused_for_what_it_is() {
+    use std::io::Write;
+    let folder = Folder::new();
+    let path = folder.path("huge.csv");
+    let mut file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
+    writeln!(file, "n_p_rpm,p_h_mpa,t_b_c,ratio").unwrap();
+    let block = "1000.00,30.000,60.00,0.91\n".repeat(1000);
+    for _ in 0..8000 {
+        file.write_all(block.as_bytes()).unwrap();
+    }
+    drop(file);
+    assert!(std::fs::metadata(&path).unwrap().len() > 200_000_000);
+    let out = folder.path("cal.toml");
+    let words =
+        ["identify", "--machine", MACHINE, "--bench", path.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let error = failure(2, words);
+    assert!(error.contains("more than 10000 points") && error.contains("huge.csv:10002"), "{error}");
+}
+
+#[test]
 fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
     let folder = Folder::new();
-    identify(&folder, "cal.toml");
+    // As the machine file says, so that the figures below stand in it.
+    identify_by(&folder, "cal.toml", "paper");
     let good = std::fs::read_to_string(folder.path("cal.toml")).unwrap();
     let replay = |log: &str, calibration: &str, map: Option<&str>| {
         let mut arguments = vec!["replay", "--log", log, "--calibration", calibration];
@@ -272,7 +339,7 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
         ("bulk_modulus_mpa = 1314.0", "bulk_modulus_mpa = nan", &["bulk_modulus_mpa", "not a finite number"]),
         ("leaking_chambers = 9.0", "leaking_chambers = 19.0", &["leaking_chambers", "more chambers leak"]),
         ("air_fraction", "air_faction", &["air_faction"]),
-        ("schema = 1", "schema = 7", &["schema", "7", "allowed: 1"]),
+        ("schema = 2", "schema = 7", &["schema", "7", "allowed: 2"]),
         ("pump_pistons = 9", "pump_pistons = \"nine\"", &["nine", "u8"]),
     ];
     for (from, to, parts) in edits {

@@ -15,10 +15,13 @@ pub fn run() -> Result<()> {
     let out = out_dir("demo")?;
     let (calibration, estimates, plot) =
         (out.join("calibration.toml"), out.join("estimates.csv"), out.join("estimates.svg"));
+    let page = out.join("report.html");
 
     let law = host_sim.identify(&calibration)?;
+    let proof = host_sim.verify(&calibration)?;
     let host = host_sim.replay(&calibration, &estimates, &plot)?;
     let target = host_sim.pil(&calibration)?;
+    host_sim.report(&page)?;
 
     let samples = number(&target, "samples")?;
     let mismatches = number(&target, "mismatches")?;
@@ -40,6 +43,20 @@ pub fn run() -> Result<()> {
         number(&law, "ratio_error_mean_pct")?
     );
     println!(
+        "             Pump displacement corrected by {:+.2} %, found together with the law",
+        100.0 * (number(&law, "displacement_factor")? - 1.0)
+    );
+    println!(
+        "Verified     the controller's code against the full model at {} points: ratio {:.1e} mean,",
+        number(&proof, "points")?,
+        number(&proof, "ratio_error_mean")?
+    );
+    println!(
+        "             {:.1e} worst; Kou {:.2} % mean",
+        number(&proof, "ratio_error_max")?,
+        number(&proof, "kou_error_mean_pct")?
+    );
+    println!(
         "Replayed     {} samples on the host at {:.0} samples/s, {rejected} rejected;",
         number(&host, "samples")?,
         number(&host, "samples_per_s")?
@@ -58,5 +75,6 @@ pub fn run() -> Result<()> {
     println!("Calibration  {}", calibration.display());
     println!("Estimates    {}", estimates.display());
     println!("Picture      {}", plot.display());
+    println!("Report       {}", page.display());
     Ok(())
 }

@@ -36,8 +36,20 @@ impl HostSim {
 
     /// Identifies a calibration from the shipped bench points.
     pub fn identify(&self, calibration: &Path) -> Result<Value> {
-        let words = ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "rom", "--json", "--out"];
+        let words =
+            ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "full", "--json", "--out"];
         self.json(&words, [calibration])
+    }
+
+    /// Writes the report on the shipped bench points; it says nothing but where.
+    pub fn report(&self, page: &Path) -> Result<()> {
+        let words = ["report", "--bench", BENCH, "--machine", MACHINE, "--out"];
+        Run::new(&self.program, &words).args([page]).check()
+    }
+
+    /// Compares the estimator with the full model over the envelope.
+    pub fn verify(&self, calibration: &Path) -> Result<Value> {
+        self.json(&["verify", "--machine", MACHINE, "--json", "--calibration"], [calibration])
     }
 
     /// Replays the shipped log on the host.

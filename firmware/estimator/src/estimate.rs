@@ -60,7 +60,7 @@ impl Reason {
 pub struct Expected {
     /// Leakage coefficient by the law.
     pub kou: LeakageCoefficient,
-    /// Standard error of `kou`: the law's residual when it was fitted.
+    /// Standard error of `kou`: the law's misfit and the errors of its coefficients at this operating point.
     pub kou_se: LeakageCoefficient,
     /// Speed ratio `n_m/n_p` by the reduced model; negative for negative displacement.
     pub ratio: Ratio,

@@ -10,6 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::root::square_root;
 use crate::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 
 /// Coefficients and normalisers as they stand in a calibration. All coefficients are in (L/min)/MPa.
@@ -45,9 +46,77 @@ pub struct LawConfig {
     /// Normaliser of oil temperature.
     #[serde(rename = "t_max_c")]
     pub t_max: Celsius,
-    /// Standard error of the coefficient by the law: root mean square residual of the fit, per degree of freedom.
+    /// What the law misses of the truth: root mean square residual of the fit, per degree of freedom.
     #[serde(rename = "residual_se")]
     pub residual_se: LeakageCoefficient,
+    /// Standard errors and correlation of the ten coefficients.
+    pub error_root: LawErrorRoot,
+}
+
+/// Upper triangular root `R` of the coefficients' covariance, `R^T R`, in (L/min)/MPa, rows from the diagonal on.
+///
+/// Order of the terms: 1, x, y, z, x^2, y^2, z^2, xy, xz, yz. With `phi` these ten at an operating point, `|R phi|` is the
+/// standard error that the coefficients' uncertainty leaves to the law there: what displacement ratio, bulk modulus and
+/// sensor errors of the bench may have done to it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "each is the row of the term that it is named after")]
+pub struct LawErrorRoot {
+    pub c: [f32; 10],
+    pub b1: [f32; 9],
+    pub b2: [f32; 8],
+    pub b3: [f32; 7],
+    pub a11: [f32; 6],
+    pub a22: [f32; 5],
+    pub a33: [f32; 4],
+    pub a12: [f32; 3],
+    pub a13: [f32; 2],
+    pub a23: [f32; 1],
+}
+
+impl LawErrorRoot {
+    /// Coefficients that are known exactly.
+    pub const NONE: Self = Self {
+        c: [0.0; 10],
+        b1: [0.0; 9],
+        b2: [0.0; 8],
+        b3: [0.0; 7],
+        a11: [0.0; 6],
+        a22: [0.0; 5],
+        a33: [0.0; 4],
+        a12: [0.0; 3],
+        a13: [0.0; 2],
+        a23: [0.0; 1],
+    };
+
+    /// The rows, the longest first.
+    #[must_use]
+    pub const fn rows(&self) -> [&[f32]; 10] {
+        [
+            &self.c, &self.b1, &self.b2, &self.b3, &self.a11, &self.a22, &self.a33, &self.a12, &self.a13,
+            &self.a23,
+        ]
+    }
+
+    /// `|R phi|^2`.
+    #[inline(always)]
+    fn variance(&self, phi: &[f32; 10]) -> f32 {
+        fn squared<const N: usize>(row: &[f32; N], phi: &[f32; 10]) -> f32 {
+            // The row's last entry belongs to the last term, so both are taken from their ends.
+            let sum = row.iter().rev().zip(phi.iter().rev()).fold(0.0, |sum, (r, f)| sum + r * f);
+            sum * sum
+        }
+        squared(&self.c, phi)
+            + squared(&self.b1, phi)
+            + squared(&self.b2, phi)
+            + squared(&self.b3, phi)
+            + squared(&self.a11, phi)
+            + squared(&self.a22, phi)
+            + squared(&self.a33, phi)
+            + squared(&self.a12, phi)
+            + squared(&self.a13, phi)
+            + squared(&self.a23, phi)
+    }
 }
 
 /// The law ready for evaluation. Made by [`crate::Params::new`] only, so its numbers are known to be sound.
@@ -90,9 +159,12 @@ impl Law {
         )
     }
 
-    /// Standard error of the coefficient by the law.
+    /// Standard error of the coefficient by the law at the normalised operating point: misfit and coefficients' errors.
+    #[inline(always)]
     #[must_use]
-    pub fn residual_se(&self) -> LeakageCoefficient {
-        self.config.residual_se
+    pub fn standard_error(&self, [x, y, z]: [f32; 3]) -> LeakageCoefficient {
+        let phi = [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
+        let misfit = self.config.residual_se.get();
+        LeakageCoefficient(square_root(misfit * misfit + self.config.error_root.variance(&phi)))
     }
 }

@@ -33,6 +33,7 @@ mod params;
 pub mod reading;
 pub mod reduced;
 pub mod region;
+mod root;
 mod step;
 mod uncertainty;
 pub mod units;

@@ -49,6 +49,12 @@ impl Params {
         &self.reduced
     }
 
+    /// Pressure of the low line where it is not measured.
+    #[must_use]
+    pub fn low_pressure(&self) -> Megapascal {
+        self.low_pressure
+    }
+
     /// The leakage law.
     #[must_use]
     pub fn law(&self) -> &Law {

@@ -3,12 +3,14 @@
 //! Per revolution of the pump, with `chi = 1 - rho_L/rho_H`, everything at the density of the high line:
 //!
 //! ```text
-//! |alpha| D_p - (|alpha| D_p + Z_p V_0p') chi - Lambda Kou (p_H - p_c)/n_p = |r| (D_m + Z_m V_0m chi)
-//! V_0p' = V_0p + V_sp (1 - |alpha|)/2,   V_sp = D_p/Z_p
+//! |alpha| D_p - (|alpha| D_p + Z_p V_0p') chi - (Lambda Kou (p_H - p_c) + G w)/n_p = |r| (D_m + Z_m V_0m chi)
+//! V_0p' = V_0p + V_sp (1 - |alpha|)/2,   V_sp = D_p/Z_p,   w = sqrt(p_H - p_L)
+//! Lambda = Lambda_0 - l_n |alpha| n_p - l_w w
 //! ```
 //!
 //! The pump delivers what it swept, less what compression of the swept and the dead volume takes, less leakage; the
-//! motor swallows what it sweeps plus what recompression of its dead volume takes. The balance is linear in `Kou`, so
+//! motor swallows what it sweeps plus what recompression of its dead volume takes. Silencing grooves that bridge the
+//! kidneys pass `G w`; chambers in transition leak less, the more so the longer the transition lasts. The balance is linear in `Kou`, so
 //! its inverse is closed: that inverse is the identification. Negative displacement swaps the lines and the sign of the
 //! ratio, nothing else. A flow meter instead of a motor is the motor without dead volume whose displacement is the
 //! meter's reference displacement. `docs/reduced-model.md` derives it.
@@ -16,6 +18,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::oil::Compression;
+use crate::root::square_root;
 use crate::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,
@@ -40,8 +43,15 @@ pub struct ReducedConfig {
     /// Effective dead volume of all motor chambers together, `Z_m V_0m`; zero for a flow meter.
     #[serde(rename = "motor_dead_volume_cm3")]
     pub motor_dead_volume: CubicCentimetre,
-    /// Effective number of leaking chambers, `Lambda`: `(Z_p + Z_m)/2` by theory, about 4 % less in the full model.
+    /// Effective number of leaking chambers at rest, `Lambda_0`: `(Z_p + Z_m)/2` by theory.
     pub leaking_chambers: f32,
+    /// By how much fewer chambers leak per r/min of pump speed at full displacement, `l_n`.
+    pub fewer_leaking_per_rpm: f32,
+    /// By how much fewer chambers leak per root of the pressure difference between the lines, `l_w`.
+    pub fewer_leaking_per_root_mpa: f32,
+    /// Flow from line to line through bridging silencing grooves at 1 MPa, `G`; negative where they feed the high line.
+    #[serde(rename = "groove_flow_l_min_per_root_mpa")]
+    pub groove_flow: f32,
     /// Case pressure `p_c`, gauge.
     #[serde(rename = "case_pressure_mpa")]
     pub case_pressure: Megapascal,
@@ -78,6 +88,8 @@ pub struct Balance {
     b_cm3: f32,
     /// Leaked per pump revolution and unit of Kou.
     g_cm3_per_kou: f32,
+    /// Leaked per minute and unit of Kou.
+    leakage_l_min_per_kou: f32,
     /// +1 or -1: direction of the motor.
     sign: f32,
     /// In the pump's chambers when they change over to the high line, per pump revolution.
@@ -106,22 +118,21 @@ impl ReducedModel {
         let swept_cm3 = full_cm3 * at.displacement.get().abs();
         // |alpha| D_p + Z_p V_0p', with Z_p V_sp = D_p.
         let carried_cm3 = k.pump_dead_volume.get() + 0.5 * (full_cm3 + swept_cm3);
+        let root = square_root(at.high_pressure.get() - at.low_pressure.get());
+        let leaking = k.leaking_chambers
+            - k.fewer_leaking_per_rpm * (at.displacement.get().abs() * at.pump_speed.get())
+            - k.fewer_leaking_per_root_mpa * root;
+        let leakage_l_min_per_kou = leaking * (at.high_pressure.get() - k.case_pressure.get());
+        let cm3_per_l_min = CM3_PER_LITRE / at.pump_speed.get();
         Balance {
-            a_cm3: swept_cm3 - carried_cm3 * chi,
+            a_cm3: swept_cm3 - carried_cm3 * chi - k.groove_flow * root * cm3_per_l_min,
             b_cm3: k.motor_displacement.get() + k.motor_dead_volume.get() * chi,
-            g_cm3_per_kou: (CM3_PER_LITRE * k.leaking_chambers) * self.pressure_to_case_mpa(at)
-                / at.pump_speed.get(),
+            g_cm3_per_kou: leakage_l_min_per_kou * cm3_per_l_min,
+            leakage_l_min_per_kou,
             sign: 1.0_f32.copysign(at.displacement.get()),
             carried_cm3,
             lost_fraction: chi,
         }
-    }
-
-    /// Leakage flow of all chambers together at high pressure.
-    #[inline(always)]
-    #[must_use]
-    pub fn leakage(&self, at: &OperatingPoint, kou: LeakageCoefficient) -> LitrePerMin {
-        LitrePerMin(self.config.leaking_chambers * kou.get() * self.pressure_to_case_mpa(at))
     }
 
     /// Volumetric efficiency of the drive at a speed ratio: `r D_m/(alpha D_p)`.
@@ -150,11 +161,6 @@ impl ReducedModel {
     pub fn config(&self) -> &ReducedConfig {
         &self.config
     }
-
-    #[inline(always)]
-    fn pressure_to_case_mpa(&self, at: &OperatingPoint) -> f32 {
-        at.high_pressure.get() - self.config.case_pressure.get()
-    }
 }
 
 impl Balance {
@@ -174,6 +180,13 @@ impl Balance {
     #[must_use]
     pub fn kou(&self, ratio: Ratio) -> LeakageCoefficient {
         LeakageCoefficient((self.a_cm3 - self.sign * ratio.get() * self.b_cm3) / self.g_cm3_per_kou)
+    }
+
+    /// Leakage flow of all chambers together at high pressure.
+    #[inline(always)]
+    #[must_use]
+    pub fn leakage(&self, kou: LeakageCoefficient) -> LitrePerMin {
+        LitrePerMin(self.leakage_l_min_per_kou * kou.get())
     }
 
     /// Magnitude of `dKou/dr` at this operating point, in (L/min)/MPa per unit of ratio.

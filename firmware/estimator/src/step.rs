@@ -116,10 +116,10 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
     }
     Ok(Expected {
         kou,
-        kou_se: params.law.residual_se(),
+        kou_se: params.law.standard_error(point),
         ratio,
         volumetric_efficiency: params.reduced.volumetric_efficiency(at, ratio),
-        leakage: params.reduced.leakage(at, kou),
+        leakage: balance.leakage(kou),
     })
 }
 
@@ -155,7 +155,7 @@ fn see(params: &Params, at: &OperatingPoint, balance: &Balance, sample: &Sample)
         kou,
         kou_se,
         volumetric_efficiency: params.reduced.volumetric_efficiency(at, ratio),
-        leakage: params.reduced.leakage(at, kou),
+        leakage: balance.leakage(kou),
     })
 }
 

@@ -66,6 +66,10 @@ fn ratio_agrees_with_f64_to_1e6_over_the_envelope() {
         dead_p: f64::from(0.3 * 301.2_f32),
         dead_m: 90.0,
         chambers: f64::from(8.7_f32),
+        fewer_per_rpm: 6e-5,
+        fewer_per_root: 0.02,
+        groove: 0.01,
+        p_low: 1.5,
     };
     let mut worst = 0.0_f64;
     for n in [1000.0_f32, 1500.0, 2000.0, 2800.0] {

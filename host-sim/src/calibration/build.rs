@@ -87,6 +87,9 @@ pub fn reduced_config(machine: &Machine) -> ReducedConfig {
         motor_displacement: CubicCentimetrePerRev(single(machine.reference_displacement_cm3_per_rev())),
         motor_dead_volume: CubicCentimetre(single(motor_dead_cm3)),
         leaking_chambers: single((pump.pistons + motor_pistons) as f64 / 2.0),
+        fewer_leaking_per_rpm: 0.0,
+        fewer_leaking_per_root_mpa: 0.0,
+        groove_flow: 0.0,
         case_pressure: Megapascal(single(machine.circuit().case_pressure_mpa)),
     }
 }

@@ -7,11 +7,16 @@ use serde_json::{Map, Value, json};
 
 use super::{Failure, print_json, print_text};
 use crate::calibration::{self, SensorClass, Settings};
-use crate::identify::{Identification, TERMS, by_reduced_model, physical};
+use crate::identify::joint::Prior;
+use crate::identify::memory::Memory;
+use crate::identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
+use crate::identify::secant::Secant;
+use crate::identify::{
+    Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step,
+};
 use crate::input::InputError;
 use crate::machine::Machine;
-use crate::record::read_bench;
-use crate::replay::reason_label;
+use crate::record::{read_bench, without_repeats};
 use crate::table::Mapping;
 
 /// Model that the identification inverts.
@@ -19,6 +24,17 @@ use crate::table::Mapping;
 pub enum Model {
     /// The reduced model of the controller, by its closed-form inverse.
     Rom,
+    /// The full lumped model; needs a machine file with valve plates and circuit.
+    Full,
+}
+
+/// How the points become a law.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Scheme {
+    /// Law, displacement ratio, bulk modulus and displacement settings fitted together in the ratio domain.
+    Joint,
+    /// The paper's two steps: Kou of every point by itself, then the law through them.
+    Paper,
 }
 
 /// Identifies a calibration from bench points.
@@ -33,6 +49,27 @@ pub struct Args {
     /// Model to invert.
     #[arg(long, value_enum, default_value = "rom")]
     pub model: Model,
+    /// Scheme.
+    #[arg(long, value_enum, default_value = "joint")]
+    pub scheme: Scheme,
+    /// Paper's scheme: stopping rule of the secant, relative error of the ratio (the paper's own: 0.005).
+    #[arg(long, default_value_t = 1e-4, value_parser = positive)]
+    pub tolerance: f64,
+    /// Paper's scheme: start interval of the secant, two coefficients; by default from the reduced model.
+    #[arg(long, num_args = 2, value_names = ["KOU", "KOU"], value_parser = positive)]
+    pub start: Vec<f64>,
+    /// Paper's scheme: most calls of the full model for one point.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(2..))]
+    pub max_calls: u32,
+    /// Joint scheme: standard error of the machine file's bulk modulus, relative.
+    #[arg(long, default_value_t = 0.1, value_parser = positive)]
+    pub bulk_uncertainty: f64,
+    /// Joint scheme: standard error of the displacement ratio, relative: machine file and both speed sensors.
+    #[arg(long, default_value_t = 0.02, value_parser = positive)]
+    pub displacement_uncertainty: f64,
+    /// Joint scheme: random error of a measured ratio, 1 sigma, relative.
+    #[arg(long, default_value_t = 3e-4, value_parser = positive)]
+    pub ratio_error: f64,
     /// Mapping file (TOML) for a table with other columns or units.
     #[arg(long, value_name = "MAP.toml")]
     pub map: Option<PathBuf>,
@@ -58,10 +95,19 @@ pub(super) fn mapping(path: Option<&Path>) -> Result<Mapping, InputError> {
     path.map_or_else(|| Ok(Mapping::default()), Mapping::read)
 }
 
-fn crc32_of(path: &Path) -> Result<u32, InputError> {
+/// CRC-32 of a file, for provenance.
+pub(super) fn crc32_of(path: &Path) -> Result<u32, InputError> {
     let bytes =
         std::fs::read(path).map_err(|e| InputError::new(format!("cannot be read: {e}")).at_file(path))?;
     Ok(kou_estimator::calibration::record::crc32(&bytes))
+}
+
+/// A number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("allowed: a number above 0".into()),
+    }
 }
 
 /// Runs the command.
@@ -71,6 +117,7 @@ fn crc32_of(path: &Path) -> Result<u32, InputError> {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let machine = Machine::load(&args.machine)?;
     let points = read_bench(&args.bench, &mapping(args.map.as_deref())?, &machine)?;
+    let (points, repeated) = without_repeats(points);
     let settings = Settings {
         serial: args.serial.clone(),
         date: args.date.clone(),
@@ -78,10 +125,84 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         bench_crc32: crc32_of(&args.bench)?,
         machine_crc32: crc32_of(&args.machine)?,
     };
-    let Model::Rom = args.model;
-    let result = by_reduced_model(&machine, &points, &settings).map_err(|e| e.at_file(&args.bench))?;
+    let prior = Prior {
+        bulk: args.bulk_uncertainty,
+        displacement: args.displacement_uncertainty,
+        ratio: args.ratio_error,
+        ..Prior::default()
+    };
+    let start = match args.start.as_slice() {
+        [a, b] => Some([*a, *b]),
+        _ => None,
+    };
+    let secant = Secant { tolerance: args.tolerance, start, max_calls: args.max_calls };
+    let identify = |model: Option<&dyn RatioModel>| {
+        match args.scheme {
+            Scheme::Joint => joint_scheme::identify(&machine, &points, &settings, model, &prior),
+            Scheme::Paper => two_step::identify(&machine, &points, &settings, model, &secant),
+        }
+        .map_err(|e| e.at_file(&args.bench))
+    };
+    let mut result = match args.model {
+        Model::Rom => identify(None)?,
+        Model::Full => with_full_model(args, &machine, &settings, points.len(), identify)?,
+    };
+    // The same numbers to the last digit are a row that was copied, not a measurement that was repeated.
+    result.refused.extend(repeated.into_iter().map(|(point, line)| Refusal {
+        point,
+        reason: format!("repeats line {line}"),
+        leak_free_ratio: None,
+    }));
     calibration::write(&args.out, &result.calibration)?;
-    if args.json { print_json(&report(&result)) } else { print_text(&summary(&result, &args.out)) }
+    let advice = match &result.solution {
+        Some(solution) => {
+            let measured: Vec<At> = result.points.iter().map(|p| At::from(&p.point)).collect();
+            advice::advise(&measured, &result.fit, &ReducedRatio::new(&machine)?, solution, &prior)?
+        }
+        None => Vec::new(),
+    };
+    if args.json {
+        print_json(&report(&result, &advice))
+    } else {
+        print_text(&summary(&result, &advice, &args.out))
+    }
+}
+
+/// Identifies with the full model; answers are kept beside the calibration until it is written.
+fn with_full_model(
+    args: &Args,
+    machine: &Machine,
+    settings: &Settings,
+    points: usize,
+    identify: impl Fn(Option<&dyn RatioModel>) -> Result<Identification, InputError>,
+) -> Result<Identification, Failure> {
+    let full = FullRatio::new(machine).map_err(|e| e.at_file(&args.machine))?;
+    let partial = args.out.with_extension("partial");
+    // Joint: two to three rounds and the surrogate; paper: three to four calls for each point.
+    let expected = match args.scheme {
+        Scheme::Joint => 3 * points + 96,
+        Scheme::Paper => 4 * points,
+    };
+    let bar = progress_of(expected);
+    let ticking = bar.clone();
+    let tick = move || {
+        if ticking.position() >= ticking.length().unwrap_or(0) {
+            ticking.inc_length(points as u64);
+        }
+        ticking.inc(1);
+    };
+    let memory = Memory::new(settings.machine_crc32, Some(&partial), tick)?;
+    let result = identify(Some(&memory.over(&full)))?;
+    bar.finish_and_clear();
+    // It has served; a file that cannot be removed does no harm.
+    drop(std::fs::remove_file(&partial));
+    Ok(result)
+}
+
+fn progress_of(expected: usize) -> indicatif::ProgressBar {
+    let style = indicatif::ProgressStyle::with_template("{bar:30} {pos}/{len} steady points, {eta} left")
+        .unwrap_or_else(|_| indicatif::ProgressStyle::default_bar());
+    indicatif::ProgressBar::new(expected as u64).with_style(style)
 }
 
 #[derive(Serialize)]
@@ -93,10 +214,16 @@ struct PointReport {
     alpha: f64,
     ratio: f64,
     kou: f64,
+    kou_law: f64,
+    kou_law_se: f64,
     ratio_by_law: f64,
+    leave_one_out: f64,
+    weight: f64,
+    outlier: bool,
+    calls: u32,
 }
 
-fn report(result: &Identification) -> Value {
+fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
     let points: Vec<PointReport> = result
         .points
         .iter()
@@ -108,7 +235,13 @@ fn report(result: &Identification) -> Value {
             alpha: r.point.alpha,
             ratio: r.point.ratio,
             kou: r.kou,
+            kou_law: r.kou_law,
+            kou_law_se: r.kou_law_se,
             ratio_by_law: r.ratio_by_law,
+            leave_one_out: r.leave_one_out,
+            weight: r.weight,
+            outlier: r.is_outlier(),
+            calls: r.calls,
         })
         .collect();
     let refused: Vec<Value> = result
@@ -119,7 +252,7 @@ fn report(result: &Identification) -> Value {
                 "line": r.point.line,
                 "ratio": r.point.ratio,
                 "leak_free_ratio": r.leak_free_ratio,
-                "reason": reason_label(r.reason),
+                "reason": r.reason,
             })
         })
         .collect();
@@ -127,13 +260,35 @@ fn report(result: &Identification) -> Value {
     let named = |values: [f64; 10]| {
         TERMS.into_iter().zip(values).map(|(k, v)| (k.to_string(), json!(v))).collect::<Map<_, _>>()
     };
-    let k =
-        [law.c, law.b1, law.b2, law.b3, law.a11, law.a22, law.a33, law.a12, law.a13, law.a23].map(f64::from);
+    let unknowns: Vec<Value> = result
+        .unknowns
+        .iter()
+        .map(|u| {
+            json!({
+                "name": u.name, "value": u.value, "se": u.se, "prior_se": u.prior_se,
+                "determined_by": if u.by_data() { "data" } else { "prior" },
+            })
+        })
+        .collect();
+    let surrogate = result.surrogate.as_ref().map(|s| {
+        json!({
+            "points": s.points, "ratio_error_mean": s.ratio_error_mean, "ratio_error_max": s.ratio_error_max,
+        })
+    });
+    let advice: Vec<Value> = advice
+        .iter()
+        .map(|p| {
+            json!({
+                "points": p.points, "kou_se_now_pct": p.kou_se_now_pct, "kou_se_then_pct": p.kou_se_then_pct,
+                "bulk_modulus_se_then_pct": p.bulk_se_then_pct,
+            })
+        })
+        .collect();
     json!({
         "points": points,
         "refused_points": refused,
         "law": {
-            "normalised": named(k),
+            "normalised": named(coefficients(law)),
             "physical": named(physical(law)),
             "n_max_rpm": law.n_max.get(),
             "p_max_mpa": law.p_max.get(),
@@ -143,10 +298,18 @@ fn report(result: &Identification) -> Value {
         "dropped_terms": result.fit.dropped,
         "ratio_error_mean_pct": result.ratio_error_mean_pct,
         "condition_number": result.fit.condition_number,
+        "unknowns": unknowns,
+        "correlation": result.correlation,
+        "chi2_per_freedom": result.chi2_per_freedom,
+        "displacement_factor": result.change.displacement,
+        "bulk_modulus_factor": result.change.bulk,
+        "surrogate": surrogate,
+        "model_calls": result.model_calls,
+        "advice": advice,
     })
 }
 
-fn summary(result: &Identification, out: &Path) -> String {
+fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> String {
     let mut text = format!(
         "{} points used, mean error of the ratio {:.3} %, residual of Kou {:.5} (L/min)/MPa, condition number {:.1}\n",
         result.points.len(),
@@ -157,11 +320,42 @@ fn summary(result: &Identification, out: &Path) -> String {
     if !result.fit.dropped.is_empty() {
         text += &format!("not determined by the data, left at zero: {}\n", result.fit.dropped.join(", "));
     }
-    for refused in &result.refused {
+    for unknown in result.unknowns.iter().filter(|u| u.prior_se.is_some()) {
         text += &format!(
-            "line {} not used: ratio {} is above the leak-free ratio {:.5}\n",
-            refused.point.line, refused.point.ratio, refused.leak_free_ratio
+            "{}: {:+.2} % +- {:.2} %, determined by {}\n",
+            unknown.name,
+            100.0 * unknown.value,
+            100.0 * unknown.se,
+            if unknown.by_data() { "the points" } else { "what was known before" }
         );
+    }
+    if let Some(s) = &result.surrogate {
+        text += &format!(
+            "reduced model fitted to the full one: error of the ratio {:.1e} mean, {:.1e} worst over {} points\n",
+            s.ratio_error_mean, s.ratio_error_max, s.points
+        );
+    }
+    for point in result.points.iter().filter(|p| p.is_outlier()) {
+        text += &format!("line {} looks like an outlier: weight {:.2}\n", point.point.line, point.weight);
+    }
+    for refused in &result.refused {
+        let line = refused.point.line;
+        text += &match refused.leak_free_ratio {
+            Some(leak_free) => format!(
+                "line {line} not used: ratio {} is above the leak-free ratio {leak_free:.5}\n",
+                refused.point.ratio
+            ),
+            None => format!("line {line} not used: {}\n", refused.reason),
+        };
+    }
+    if let Some(best) = advice.first() {
+        text += &format!(
+            "most worth measuring next, for a standard error of Kou of {:.1} instead of {:.1} %:\n",
+            best.kou_se_then_pct, best.kou_se_now_pct
+        );
+        for [n, p, t, alpha] in &best.points {
+            text += &format!("    {n:.0} r/min, {p:.0} MPa, {t:.0} degC, displacement {alpha}\n");
+        }
     }
     text + &format!("calibration written to {}", out.display())
 }

@@ -6,9 +6,11 @@ pub mod paper;
 pub mod pil;
 pub mod point;
 pub mod replay;
+pub mod report;
 pub mod simulate;
 pub mod step;
 pub mod synth;
+pub mod verify;
 
 use std::process::ExitCode;
 

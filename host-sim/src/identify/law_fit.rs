@@ -1,6 +1,6 @@
 //! Fits the ten coefficients of the law to coefficients of operating points (paper eqs. 9-18).
 
-use kou_estimator::law::LawConfig;
+use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::region::RegionConfig;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 use nalgebra::{DMatrix, DVector};
@@ -41,13 +41,7 @@ impl LawFit {
         // A cold bench must not turn the sign of z around.
         let t_max = largest(|[_, _, t, _]| *t).max(10.0);
         let normalised = |[n, p, t, _]: &[f64; 4]| [n / n_max, p / p_max, t / t_max];
-        let rows: Vec<[f64; 10]> = points
-            .iter()
-            .map(|point| {
-                let [x, y, z] = normalised(point);
-                [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
-            })
-            .collect();
+        let rows: Vec<[f64; 10]> = points.iter().map(|point| phi(normalised(point))).collect();
         let columns = DMatrix::from_row_iterator(rows.len(), 10, rows.into_iter().flatten());
         let observed = DVector::from_iterator(points.len(), points.iter().map(|[.., kou]| *kou));
         let Fit { coefficients, dropped, condition_number, residual_se, .. } =
@@ -72,12 +66,32 @@ impl LawFit {
                 p_max: Megapascal(single(p_max)),
                 t_max: Celsius(single(t_max)),
                 residual_se: LeakageCoefficient(single(residual_se)),
+                error_root: LawErrorRoot::NONE,
             },
             region: RegionConfig::around(points.iter().map(|p| normalised(p).map(single)), REGION_MARGIN),
             dropped: dropped.into_iter().filter_map(|i| TERMS.get(i).copied()).collect(),
             condition_number,
         }
     }
+}
+
+/// The ten terms at normalised speed, pressure and temperature, in the order of [`TERMS`].
+#[must_use]
+pub fn phi([x, y, z]: [f64; 3]) -> [f64; 10] {
+    [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
+}
+
+/// Normalised speed, pressure and temperature of a point.
+#[must_use]
+pub fn normalised(law: &LawConfig, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> [f64; 3] {
+    let f = f64::from;
+    [n_p_rpm / f(law.n_max.get()), p_h_mpa / f(law.p_max.get()), t_b_c / f(law.t_max.get())]
+}
+
+/// The coefficients in the order of [`TERMS`].
+#[must_use]
+pub fn coefficients(law: &LawConfig) -> [f64; 10] {
+    [law.c, law.b1, law.b2, law.b3, law.a11, law.a22, law.a33, law.a12, law.a13, law.a23].map(f64::from)
 }
 
 /// Coefficients for physical variables (r/min, MPa, degC) in the order of [`TERMS`] (paper eqs. 16-18 undone).

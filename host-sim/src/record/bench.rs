@@ -8,6 +8,8 @@ use crate::table::{Cell, Mapping, Quantity, Table};
 
 /// Fewest points from which anything can be identified.
 const MIN_POINTS: usize = 1;
+/// Most points of a table. A bench table holds steady points, each the mean of a record; a record itself has more rows.
+const MAX_POINTS: usize = 10_000;
 
 /// One steady operating point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +66,11 @@ pub fn read_bench(path: &Path, mapping: &Mapping, machine: &Machine) -> Result<V
                     Quantity::Ratio.bench_range()
                 )));
         }
+        if points.len() == MAX_POINTS {
+            let message =
+                format!("has more than {MAX_POINTS} points; is it a log, not a table of steady points?");
+            return Err(InputError::new(message).at_file(path).at_line(table.line()));
+        }
         points.push(BenchPoint {
             line: table.line(),
             n_p_rpm,
@@ -82,4 +89,23 @@ pub fn read_bench(path: &Path, mapping: &Mapping, machine: &Machine) -> Result<V
         return Err(InputError::new(message).at_file(path));
     }
     Ok(points)
+}
+
+/// Splits points into those that are new and, with the line that each repeats, those that are not.
+#[must_use]
+pub fn without_repeats(points: Vec<BenchPoint>) -> (Vec<BenchPoint>, Vec<(BenchPoint, u64)>) {
+    let mut first = std::collections::HashMap::new();
+    let (mut kept, mut repeated) = (Vec::new(), Vec::new());
+    for p in points {
+        let low = p.p_l_mpa.map(f64::to_bits);
+        let key = ([p.n_p_rpm, p.p_h_mpa, p.t_b_c, p.alpha, p.ratio].map(f64::to_bits), low);
+        match first.get(&key) {
+            Some(line) => repeated.push((p, *line)),
+            None => {
+                first.insert(key, p.line);
+                kept.push(p);
+            }
+        }
+    }
+    (kept, repeated)
 }

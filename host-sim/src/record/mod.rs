@@ -3,5 +3,5 @@
 mod bench;
 mod log;
 
-pub use bench::{BenchPoint, read_bench};
+pub use bench::{BenchPoint, read_bench, without_repeats};
 pub use log::{LogReader, LogRow};

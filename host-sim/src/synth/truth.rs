@@ -5,7 +5,7 @@
 //! * piston and bore: the gap is fixed, but widens with pressure (elastic bore) and closes or opens with temperature;
 //!   the oil in it is warmer than the make-up oil by the heat of shear and throttling;
 //! * slipper and swash plate: a hydrostatic film that speed thickens, in proportion to `(nu n)^(1/3)`: the viscosity
-//!   cancels and the flow goes with n;
+//!   cancels and the flow goes with n; pressure presses it down until the pads' own balance carries it;
 //! * valve plate and cylinder block: the block tilts with the square of speed.
 //!
 //! Sizes are chosen to give the coefficient that the paper identified at 999.23 r/min, 31.06 MPa, 58.24 degC (0.058) and
@@ -14,7 +14,8 @@
 use crate::machine::Machine;
 
 /// Kinematic viscosity of the machine's oil by Walther's law, mm2/s (ASTM D341).
-fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
+#[must_use]
+pub fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
     let oil = machine.oil();
     let exponent = oil.walther_a - oil.walther_b * (t_c + 273.15).log10();
     10_f64.powf(10_f64.powf(exponent)) - 0.7
@@ -29,7 +30,7 @@ pub fn kou_truth(machine: &Machine, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> f
     let thinner = viscosity_mm2_s(machine, 60.0) / viscosity_mm2_s(machine, film_c);
     let bore = (1.0 + 0.02 * p + 0.0015 * (t_b_c - 60.0)).powi(3);
     let piston = 0.0120 * bore * thinner.powf(0.7);
-    let slipper = 0.062 * n * p.powf(-0.15);
+    let slipper = 0.067 * n * (0.5 + p).powf(-0.2);
     let tilt = (1.0 + 0.10 * n * n).powi(3);
     let valve_plate = 0.0105 * tilt * thinner.powf(0.7);
     piston + slipper + valve_plate

@@ -64,14 +64,14 @@ mod entries {
 fn pieces(params: &Params, at: &OperatingPoint) {
     let law = params.law();
     let point = law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
-    black_box((law.evaluate(point), law.residual_se()));
+    black_box((law.evaluate(point), law.standard_error(point)));
 
     let model = params.reduced();
     let balance = model.balance(at);
     let kou = *unknown(0x20 as *const LeakageCoefficient);
     let ratio = *unknown(0x24 as *const Ratio);
     black_box((balance.ratio(kou), balance.kou(ratio), balance.kou_per_ratio(), balance.lost_fraction()));
-    black_box((model.leakage(at, kou), model.volumetric_efficiency(at, ratio)));
+    black_box((balance.leakage(kou), model.volumetric_efficiency(at, ratio)));
     black_box(model.ratio_of_flow(at, *unknown(0x28 as *const LitrePerMin)));
 
     let (low, high) = *unknown(0x30 as *const (MegapascalAbs, MegapascalAbs));

@@ -9,6 +9,7 @@ use crate::calibration::{Calibration, Output};
 use crate::oil::{MAX_PRESSURE_MPA_ABS, MIN_PRESSURE_MPA_ABS, OilConfig};
 use crate::reduced::ReducedConfig;
 use crate::region::Direction;
+use crate::root::square_root;
 use crate::units::{Megapascal, MegapascalAbs};
 
 /// Why a calibration is refused. Names the field as it stands in the TOML form.
@@ -108,6 +109,11 @@ pub(crate) fn reduced(k: &ReducedConfig) -> Result<(), CalibrationError> {
     in_range("reduced.pump_dead_volume_cm3", k.pump_dead_volume.get(), 0.0, 5.0 * pump)?;
     in_range("reduced.motor_dead_volume_cm3", k.motor_dead_volume.get(), 0.0, 5.0 * motor)?;
     in_range("reduced.leaking_chambers", k.leaking_chambers, 0.5, 40.0)?;
+    in_range("reduced.fewer_leaking_per_rpm", k.fewer_leaking_per_rpm, -0.02, 0.02)?;
+    in_range("reduced.fewer_leaking_per_root_mpa", k.fewer_leaking_per_root_mpa, -2.0, 2.0)?;
+    // More than a hundredth of the pump's flow at 1000 r/min and 100 MPa is a broken valve plate, not a groove.
+    let groove = 1e-3 * pump;
+    in_range("reduced.groove_flow_l_min_per_root_mpa", k.groove_flow, -groove, groove)?;
     in_range("reduced.case_pressure_mpa", k.case_pressure.get(), -0.05, 2.0)
 }
 
@@ -131,6 +137,16 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     consistent("reduced.pump_displacement_cm3_per_rev", pump, apart)?;
     let motor = near(c.reduced.motor_displacement.get(), m.motor_displacement.get());
     consistent("reduced.motor_displacement_cm3_per_rev", motor, apart)?;
+    // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no correction.
+    let root = square_root(c.sensor_ranges.pressure_max.get());
+    let fewer = (c.reduced.fewer_leaking_per_rpm * c.sensor_ranges.speed_max.get()).abs()
+        + (c.reduced.fewer_leaking_per_root_mpa * root).abs();
+    let few = fewer <= 0.5 * c.reduced.leaking_chambers;
+    consistent(
+        "reduced.fewer_leaking_per_rpm",
+        few,
+        "changes the number of leaking chambers by more than half",
+    )?;
     let chambers = f32::from(m.pump_pistons) + f32::from(m.motor_pistons);
     consistent(
         "reduced.leaking_chambers",
@@ -160,7 +176,9 @@ fn law(c: &Calibration) -> Result<(), CalibrationError> {
     in_range("law.n_max_rpm", k.n_max.get(), 50.0, 20_000.0)?;
     in_range("law.p_max_mpa", k.p_max.get(), 1.0, 100.0)?;
     in_range("law.t_max_c", k.t_max.get(), 10.0, 200.0)?;
-    in_range("law.residual_se", k.residual_se.get(), 0.0, 10.0)
+    in_range("law.residual_se", k.residual_se.get(), 0.0, 10.0)?;
+    // Standard errors of single coefficients may exceed the coefficients, but not by orders of magnitude.
+    k.error_root.rows().into_iter().flatten().try_for_each(|v| in_range("law.error_root", *v, -100.0, 100.0))
 }
 
 fn region(c: &Calibration) -> Result<(), CalibrationError> {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! offset 0   magic    4 bytes  "KOUC"
-//!        4   schema   u16 LE   1
+//!        4   schema   u16 LE   2
 //!        6   length   u16 LE   bytes of the payload
 //!        8   payload           the calibration in postcard's wire format
 //!        8+n crc      u32 LE   CRC-32/ISO-HDLC over everything before it
@@ -20,9 +20,9 @@ use super::Calibration;
 /// First four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"KOUC";
 /// Schema that this version writes and reads.
-pub const SCHEMA: u16 = 1;
+pub const SCHEMA: u16 = 2;
 /// Bytes that always suffice for a record.
-pub const MAX_LEN: usize = 640;
+pub const MAX_LEN: usize = 880;
 
 const HEADER_LEN: usize = 8;
 const CRC_LEN: usize = 4;

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
-use kou_estimator::law::LawConfig;
+use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedConfig;
 use kou_estimator::region::RegionConfig;
@@ -35,6 +35,9 @@ pub fn calibration() -> Calibration {
             motor_displacement: CubicCentimetrePerRev(300.0),
             motor_dead_volume: CubicCentimetre(0.3 * 300.0),
             leaking_chambers: 8.7,
+            fewer_leaking_per_rpm: 6e-5,
+            fewer_leaking_per_root_mpa: 0.02,
+            groove_flow: 0.01,
             case_pressure: Megapascal(0.0),
         },
         law: LawConfig {
@@ -52,6 +55,7 @@ pub fn calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.002),
+            error_root: LawErrorRoot { c: [1e-3; 10], b2: [5e-4; 8], ..LawErrorRoot::NONE },
         },
         region: RegionConfig::around(
             [[0.3, 0.1, 0.3], [1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [1.0, 0.1, 0.3]],
@@ -144,6 +148,10 @@ pub mod reference {
         pub dead_p: f64,
         pub dead_m: f64,
         pub chambers: f64,
+        pub fewer_per_rpm: f64,
+        pub fewer_per_root: f64,
+        pub groove: f64,
+        pub p_low: f64,
     }
 
     impl Machine {
@@ -151,7 +159,10 @@ pub mod reference {
         pub fn ratio(&self, chi: f64, n_p: f64, p_h: f64, alpha: f64, kou: f64) -> f64 {
             let swept = alpha.abs() * self.d_p;
             let dead = self.dead_p + self.d_p * (1.0 - alpha.abs()) / 2.0;
-            let leak = 1000.0 * self.chambers * kou * p_h / n_p;
+            let root = (p_h - self.p_low).sqrt();
+            let chambers =
+                self.chambers - self.fewer_per_rpm * alpha.abs() * n_p - self.fewer_per_root * root;
+            let leak = 1000.0 * (chambers * kou * p_h + self.groove * root) / n_p;
             alpha.signum() * (swept - (swept + dead) * chi - leak) / (self.d_m + self.dead_m * chi)
         }
     }

@@ -1,0 +1,196 @@
+//! `host-sim verify`: the estimator with a calibration against the full model of the machine, forward and inverse.
+//!
+//! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
+//! Points fill the envelope and are none of those to which the surrogate was fitted.
+
+use std::path::PathBuf;
+
+use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
+use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Failure, print_json, print_text};
+use crate::calibration;
+use crate::identify::envelope::Envelope;
+use crate::identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio};
+use crate::identify::surrogate;
+use crate::input::InputError;
+use crate::machine::Machine;
+use crate::replay::reason_label;
+
+/// Allowed mean and largest error of the ratio, and mean error of Kou by the inverse in per cent.
+const LIMITS: [f64; 3] = [1e-4, 5e-4, 0.5];
+
+/// Compares the estimator with the full model over the envelope.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Machine file (TOML).
+    #[arg(long, value_name = "M.toml")]
+    pub machine: PathBuf,
+    /// Calibration: TOML or binary record.
+    #[arg(long, value_name = "CAL.toml")]
+    pub calibration: PathBuf,
+    /// Points to compare at.
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub points: u32,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// One comparison.
+#[derive(Debug, Clone, Serialize)]
+struct Compared {
+    n_p_rpm: f64,
+    p_h_mpa: f64,
+    t_b_c: f64,
+    alpha: f64,
+    kou: f64,
+    ratio_full: f64,
+    ratio_error: f64,
+    kou_error_pct: f64,
+}
+
+#[derive(Serialize)]
+struct Report {
+    points: usize,
+    not_steady: usize,
+    ratio_error_mean: f64,
+    ratio_error_max: f64,
+    kou_error_mean_pct: f64,
+    kou_error_max_pct: f64,
+    worst: Option<Compared>,
+    worst_kou: Option<Compared>,
+    passed: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input; or errors above the limits.
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let machine = Machine::load(&args.machine)?;
+    let (calibration, params) = calibration::read_checked(&args.calibration)?;
+    let change = change_of(&calibration, &machine);
+    let machine = change.of(&machine).map_err(|e| e.at_file(&args.calibration))?;
+    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?;
+    let theory = ReducedRatio::new(&machine)?;
+    let envelope = Envelope::default();
+    let compared: Vec<Option<Compared>> = (surrogate::POINTS + 1..=surrogate::POINTS + args.points)
+        .into_par_iter()
+        .map(|index| {
+            let (at, kou) = envelope.point(index, &theory);
+            let Ok(solved) = full.solve(&at, kou) else { return Ok(None) };
+            compare(&params, &at, kou, solved.ratio).map(Some)
+        })
+        .collect::<Result<_, Failure>>()?;
+    let not_steady = compared.iter().filter(|c| c.is_none()).count();
+    let report = judge(compared.into_iter().flatten().collect(), not_steady);
+    if args.json {
+        print_json(&report)?
+    } else {
+        print_text(&text(&report))?
+    }
+    if report.passed {
+        Ok(())
+    } else {
+        Err(Failure::Check("the estimator is not as good as it must be".into()))
+    }
+}
+
+/// How the calibrated machine differs from its file.
+fn change_of(calibration: &Calibration, machine: &Machine) -> Change {
+    Change {
+        displacement: f64::from(calibration.reduced.pump_displacement.get())
+            / machine.pump().displacement_cm3_per_rev,
+        bulk: f64::from(calibration.oil.bulk_modulus_mpa) / machine.oil().bulk_modulus_mpa,
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
+fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compared, Failure> {
+    let point = OperatingPoint {
+        pump_speed: RevPerMin(at.n_p_rpm as f32),
+        high_pressure: Megapascal(at.p_h_mpa as f32),
+        low_pressure: params.low_pressure(),
+        oil_temperature: Celsius(at.t_b_c as f32),
+        displacement: Ratio(at.alpha as f32),
+    };
+    let forward = params.reduced().balance(&point).ratio(LeakageCoefficient(kou as f32));
+    // The inverse through everything that a sample goes through.
+    let now = Micros(1_000_000);
+    let mut sample = Sample::empty(now);
+    sample.pump_speed = Reading::new(now, point.pump_speed);
+    sample.motor_speed = Reading::new(now, RevPerMin((at.n_p_rpm * ratio_full) as f32));
+    sample.high_pressure = Reading::new(now, point.high_pressure);
+    sample.oil_temperature = Reading::new(now, point.oil_temperature);
+    sample.displacement = Reading::new(now, point.displacement);
+    let seen = step(params, &mut State::new(), &sample).seen.map_err(|reason| {
+        InputError::new(format!(
+            "the estimator refuses a point of the envelope ({}): {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}",
+            reason_label(reason),
+            at.n_p_rpm,
+            at.p_h_mpa,
+            at.t_b_c,
+            at.alpha
+        ))
+    })?;
+    Ok(Compared {
+        n_p_rpm: at.n_p_rpm,
+        p_h_mpa: at.p_h_mpa,
+        t_b_c: at.t_b_c,
+        alpha: at.alpha,
+        kou,
+        ratio_full,
+        ratio_error: f64::from(forward.get()) - ratio_full,
+        kou_error_pct: 100.0 * (f64::from(seen.kou.get()) / kou - 1.0),
+    })
+}
+
+fn judge(compared: Vec<Compared>, not_steady: usize) -> Report {
+    let n = compared.len().max(1) as f64;
+    let worst = |of: fn(&Compared) -> f64| {
+        compared.iter().max_by(|a, b| of(a).abs().total_cmp(&of(b).abs())).cloned()
+    };
+    let mean = |of: fn(&Compared) -> f64| compared.iter().map(|c| of(c).abs()).sum::<f64>() / n;
+    let (by_ratio, by_kou) = (worst(|c| c.ratio_error), worst(|c| c.kou_error_pct));
+    let ratio_error_mean = mean(|c| c.ratio_error);
+    let ratio_error_max = by_ratio.as_ref().map_or(0.0, |c| c.ratio_error.abs());
+    let kou_error_mean_pct = mean(|c| c.kou_error_pct);
+    let within = [ratio_error_mean, ratio_error_max, kou_error_mean_pct].into_iter().zip(LIMITS);
+    Report {
+        points: compared.len(),
+        not_steady,
+        ratio_error_mean,
+        ratio_error_max,
+        kou_error_mean_pct,
+        kou_error_max_pct: by_kou.as_ref().map_or(0.0, |c| c.kou_error_pct.abs()),
+        worst: by_ratio,
+        worst_kou: by_kou,
+        // A comparison that hardly took place proves nothing.
+        passed: compared.len() > 9 * not_steady && within.into_iter().all(|(error, limit)| error <= limit),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let mut text = format!(
+        "{} points: error of the ratio {:.2e} mean, {:.2e} worst; error of Kou {:.2} % mean, {:.1} % worst",
+        report.points,
+        report.ratio_error_mean,
+        report.ratio_error_max,
+        report.kou_error_mean_pct,
+        report.kou_error_max_pct
+    );
+    if report.not_steady > 0 {
+        text += &format!("; {} points have no steady state in the full model", report.not_steady);
+    }
+    if let Some(w) = &report.worst {
+        text += &format!(
+            "\nworst ratio at {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}, Kou {:.4}",
+            w.n_p_rpm, w.p_h_mpa, w.t_b_c, w.alpha, w.kou
+        );
+    }
+    text
+}
