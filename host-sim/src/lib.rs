@@ -5,6 +5,7 @@
 
 pub mod calibration;
 pub mod commands;
+pub mod evaluate;
 pub mod full;
 pub mod identify;
 pub mod input;

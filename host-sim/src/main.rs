@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use host_sim::commands::{Failure, identify, paper, pil, replay, report, simulate, step, synth, verify};
+use host_sim::commands::{
+    Failure, evaluate, identify, paper, pil, replay, report, simulate, step, synth, verify,
+};
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
 #[derive(Debug, Parser)]
@@ -21,6 +23,7 @@ enum Command {
     Synth(synth::Args),
     Verify(verify::Args),
     Report(report::Args),
+    Evaluate(evaluate::Args),
     Simulate(simulate::Args),
     Step(step::Args),
     Paper(paper::Args),
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
         Command::Synth(args) => synth::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Step(args) => step::run(&args),
         Command::Paper(args) => paper::run(&args),

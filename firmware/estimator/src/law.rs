@@ -159,6 +159,19 @@ impl Law {
         )
     }
 
+    /// Derivatives of the coefficient per r/min, per MPa and per kelvin.
+    #[inline(always)]
+    #[must_use]
+    pub(crate) fn gradient(&self, [n_p_rpm, p_h_mpa, t_b_c]: [f32; 3]) -> [f32; 3] {
+        let k = &self.config;
+        let [x, y, z] = [n_p_rpm * self.per_n_max, p_h_mpa * self.per_p_max, t_b_c * self.per_t_max];
+        [
+            (k.b1 + 2.0 * k.a11 * x + k.a12 * y + k.a13 * z) * self.per_n_max,
+            (k.b2 + k.a12 * x + 2.0 * k.a22 * y + k.a23 * z) * self.per_p_max,
+            (k.b3 + k.a13 * x + k.a23 * y + 2.0 * k.a33 * z) * self.per_t_max,
+        ]
+    }
+
     /// Standard error of the coefficient by the law at the normalised operating point: misfit and coefficients' errors.
     #[inline(always)]
     #[must_use]

@@ -16,6 +16,7 @@
 //! | [`oil`] | compression of the oil (Wylie) |
 //! | [`reduced`] | flow balance: forward model and inverse |
 //! | [`law`], [`region`] | the quadratic law and where it holds |
+//! | [`health`] | level of leakage learned while driving, its changes and their causes; not yet part of [`step()`] |
 //! | [`estimate`] | results and the reasons for their absence |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -27,6 +28,7 @@
 
 pub mod calibration;
 pub mod estimate;
+pub mod health;
 pub mod law;
 pub mod oil;
 mod params;

@@ -49,6 +49,12 @@ impl Params {
         &self.reduced
     }
 
+    /// Declared spans of the sensors.
+    #[must_use]
+    pub fn sensor_ranges(&self) -> &SensorRanges {
+        &self.ranges
+    }
+
     /// Pressure of the low line where it is not measured.
     #[must_use]
     pub fn low_pressure(&self) -> Megapascal {

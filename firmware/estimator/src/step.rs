@@ -68,7 +68,7 @@ pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
 }
 
 /// The operating point, if every reading that it needs is good and the drive works there.
-fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, Reason> {
+pub(crate) fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, Reason> {
     let ranges = &params.ranges;
     let limits = &params.limits;
     let judge = Judge { now: sample.time, max_age_us: limits.max_age_us };
@@ -101,7 +101,7 @@ fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, R
 }
 
 /// What law and reduced model expect.
-fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
+pub(crate) fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
     let point = params.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
     if let Some(direction) = params.region.outside(point) {
         return Err(Reason::OutsideRegion(direction));
@@ -123,8 +123,8 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
     })
 }
 
-/// What the measured ratio says.
-fn see(params: &Params, at: &OperatingPoint, balance: &Balance, sample: &Sample) -> Result<Seen, Reason> {
+/// The measured ratio, with the sign of the displacement.
+pub(crate) fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Result<Ratio, Reason> {
     let judge = Judge { now: sample.time, max_age_us: params.limits.max_age_us };
     let ratio = match params.output {
         Output::Motor => {
@@ -138,9 +138,12 @@ fn see(params: &Params, at: &OperatingPoint, balance: &Balance, sample: &Sample)
             params.reduced.ratio_of_flow(at, flow)
         }
     };
-    if ratio.get() * at.displacement.get() <= 0.0 {
-        return Err(Reason::RatioNotPositive);
-    }
+    if ratio.get() * at.displacement.get() <= 0.0 { Err(Reason::RatioNotPositive) } else { Ok(ratio) }
+}
+
+/// What the measured ratio says.
+fn see(params: &Params, at: &OperatingPoint, balance: &Balance, sample: &Sample) -> Result<Seen, Reason> {
+    let ratio = measured_ratio(params, at, sample)?;
     let kou = balance.kou(ratio);
     if kou.get() < 0.0 {
         return Err(Reason::RatioAboveLeakFree);

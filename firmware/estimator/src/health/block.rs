@@ -1,0 +1,128 @@
+//! Blocks: means over a fixed time, below the piston ripple and above the noise of single samples.
+//!
+//! What is averaged is what the step has computed already, so a block costs no second flow balance. Within a steady block
+//! all of it varies little, and means of products are products of means; blocks that are not steady are not used.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::Micros;
+
+/// Longest time without a sample within one block, in blocks.
+const MAX_GAP_BLOCKS: u64 = 4;
+
+/// What one sample contributes, and what a block holds as means.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Terms {
+    /// Ratio by the law minus measured ratio, both as magnitudes: positive when more leaks than the law expects.
+    pub deficit: f32,
+    /// `dr/dKou` as a magnitude: loss of ratio per (L/min)/MPa.
+    pub ratio_per_kou: f32,
+    /// Kou by the law, (L/min)/MPa.
+    pub kou_law: f32,
+    /// Measured ratio, magnitude.
+    pub ratio: f32,
+    /// Pump speed, r/min.
+    pub n_p_rpm: f32,
+    /// High pressure, MPa gauge.
+    pub p_h_mpa: f32,
+    /// Oil temperature, degC.
+    pub t_b_c: f32,
+    /// Displacement, magnitude.
+    pub alpha: f32,
+    /// Lost fraction of compression.
+    pub chi: f32,
+}
+
+impl Terms {
+    const COUNT: usize = 9;
+
+    fn to_array(self) -> [f32; Self::COUNT] {
+        [
+            self.deficit,
+            self.ratio_per_kou,
+            self.kou_law,
+            self.ratio,
+            self.n_p_rpm,
+            self.p_h_mpa,
+            self.t_b_c,
+            self.alpha,
+            self.chi,
+        ]
+    }
+
+    fn from_array(values: [f32; Self::COUNT]) -> Self {
+        let [deficit, ratio_per_kou, kou_law, ratio, n_p_rpm, p_h_mpa, t_b_c, alpha, chi] = values;
+        Self { deficit, ratio_per_kou, kou_law, ratio, n_p_rpm, p_h_mpa, t_b_c, alpha, chi }
+    }
+}
+
+/// A block being filled.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Accumulator {
+    sums: [f32; Terms::COUNT],
+    count: u32,
+    begin: Micros,
+    last: Micros,
+}
+
+/// Means over a block.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Time of its last sample.
+    pub time: Micros,
+    /// Means.
+    pub mean: Terms,
+    /// Number of samples.
+    pub count: u32,
+    /// Whether samples were missing for so long before it that it has nothing to do with the block before.
+    pub after_gap: bool,
+}
+
+impl Accumulator {
+    /// Nothing collected yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { sums: [0.0; Terms::COUNT], count: 0, begin: Micros(0), last: Micros(0) }
+    }
+
+    /// Time of the last sample taken.
+    #[must_use]
+    pub const fn last(&self) -> Micros {
+        self.last
+    }
+
+    /// Throws away what has been collected since the last block.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Takes a sample; returns the block that it completes. The first sample after a gap is a block of its own.
+    pub fn takes(&mut self, time: Micros, terms: Terms, block_us: u32) -> Option<Block> {
+        let after_gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
+        if self.count == 0 || after_gap {
+            self.sums = [0.0; Terms::COUNT];
+            self.count = 0;
+            self.begin = self.last;
+        }
+        // A block has some hundred samples at most, so plain sums keep six digits.
+        for (sum, value) in self.sums.iter_mut().zip(terms.to_array()) {
+            *sum += value;
+        }
+        self.count = self.count.saturating_add(1);
+        self.last = time;
+        if time.0.saturating_sub(self.begin.0) < u64::from(block_us) {
+            return None;
+        }
+        let per_count = 1.0 / self.count as f32;
+        let block = Block {
+            time,
+            mean: Terms::from_array(self.sums.map(|s| s * per_count)),
+            count: self.count,
+            after_gap,
+        };
+        self.count = 0;
+        Some(block)
+    }
+}

@@ -1,0 +1,219 @@
+//! What else than wear could explain a deficit of ratio, told apart by its signature over operating points.
+//!
+//! Each explanation predicts how the deficit varies: leakage grows with pressure over speed, a wrong scale of a speed or
+//! of the displacement does not, an offset of a speed sensor fades with speed, and so on. After a change the deficit is
+//! regressed on each signature alone; what an explanation leaves unexplained, against the best one, says whether it
+//! remains. Where operating points do not vary, all remain: then the data cannot tell, and wear is not blamed.
+
+use serde::{Deserialize, Serialize};
+
+use super::block::Terms;
+use crate::params::Params;
+
+/// A possible explanation of a deficit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Cause {
+    /// All gaps have widened alike: leakage in proportion to the law.
+    Wear,
+    /// An added leak that behaves like an orifice.
+    Orifice,
+    /// The scale of a speed, or of the flow meter: a factor on the ratio.
+    SpeedScale,
+    /// An offset of the pump's speed.
+    PumpSpeedOffset,
+    /// An offset of the motor's speed.
+    MotorSpeedOffset,
+    /// An offset of the pressure.
+    Pressure,
+    /// An offset of the oil temperature.
+    Temperature,
+    /// An offset of the displacement.
+    Displacement,
+    /// Air in the oil, or an oil of another compressibility.
+    Oil,
+}
+
+impl Cause {
+    /// Every cause, leakage first.
+    pub const ALL: [Self; CAUSES] = [
+        Self::Wear,
+        Self::Orifice,
+        Self::SpeedScale,
+        Self::PumpSpeedOffset,
+        Self::MotorSpeedOffset,
+        Self::Pressure,
+        Self::Temperature,
+        Self::Displacement,
+        Self::Oil,
+    ];
+
+    /// Name as reports print it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Wear => "wear",
+            Self::Orifice => "orifice",
+            Self::SpeedScale => "speed_scale",
+            Self::PumpSpeedOffset => "pump_speed_offset",
+            Self::MotorSpeedOffset => "motor_speed_offset",
+            Self::Pressure => "pressure_offset",
+            Self::Temperature => "temperature_offset",
+            Self::Displacement => "displacement_offset",
+            Self::Oil => "oil",
+        }
+    }
+}
+
+/// Number of causes.
+pub const CAUSES: usize = 9;
+
+/// A set of causes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Causes(u16);
+
+impl Causes {
+    /// The empty set.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self(0)
+    }
+
+    /// Whether the set holds a cause.
+    #[must_use]
+    pub fn contains(self, cause: Cause) -> bool {
+        self.0 & (1 << cause as u16) != 0
+    }
+
+    /// Whether nothing but leakage is in the set, and something is.
+    #[must_use]
+    pub fn only_leakage(self) -> bool {
+        let leakage = (1 << Cause::Wear as u16) | (1 << Cause::Orifice as u16);
+        self.0 != 0 && self.0 & !leakage == 0
+    }
+
+    /// Whether leakage is not in the set, and something is.
+    #[must_use]
+    pub fn no_leakage(self) -> bool {
+        self.0 != 0 && !self.contains(Cause::Wear) && !self.contains(Cause::Orifice)
+    }
+
+    fn with(self, cause: Cause) -> Self {
+        Self(self.0 | (1 << cause as u16))
+    }
+
+    /// The causes in the set.
+    pub fn iter(self) -> impl Iterator<Item = Cause> {
+        Cause::ALL.into_iter().filter(move |cause| self.contains(*cause))
+    }
+}
+
+/// Deficit of ratio per unit of each cause at a block, in the order of [`Cause::ALL`].
+#[inline]
+pub(super) fn signatures(params: &Params, mean: &Terms) -> [f32; CAUSES] {
+    let reduced = params.reduced.config();
+    let per_b = 1.0 / (reduced.motor_displacement.get() + reduced.motor_dead_volume.get() * mean.chi);
+    let full_cm3 = reduced.pump_displacement.get();
+    // What compression acts on, per unit of what the motor swallows.
+    let carried = (reduced.pump_dead_volume.get()
+        + 0.5 * full_cm3 * (1.0 + mean.alpha)
+        + mean.ratio * reduced.motor_dead_volume.get())
+        * per_b;
+    let wear = mean.ratio_per_kou * mean.kou_law;
+    let [per_rpm, per_mpa, per_kelvin] = params.law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
+    let per_n = 1.0 / mean.n_p_rpm;
+    let per_p = 1.0 / (mean.p_h_mpa - reduced.case_pressure.get()).max(0.1);
+    let compression = params.reduced.compression();
+    let slope_per_mpa = compression.slope_per_mpa(crate::units::Celsius(mean.t_b_c));
+    [
+        wear,
+        // An orifice passes sqrt(p), so its part of Kou falls with 1/sqrt(p).
+        mean.ratio_per_kou * inverse_root(mean.p_h_mpa),
+        mean.ratio,
+        mean.ratio * per_n + wear * per_n - mean.ratio_per_kou * per_rpm,
+        -per_n,
+        -carried * slope_per_mpa - wear * per_p - mean.ratio_per_kou * per_mpa,
+        carried * mean.chi * compression.softening_per_k() - mean.ratio_per_kou * per_kelvin,
+        full_cm3 * (1.0 - 0.5 * mean.chi) * per_b,
+        carried,
+    ]
+}
+
+/// `1/sqrt(p)` to 2e-3: a signature's shape, not a quantity.
+fn inverse_root(p_mpa: f32) -> f32 {
+    let guess = micromath::F32Ext::invsqrt(p_mpa.max(0.1));
+    guess * (1.5 - 0.5 * p_mpa * guess * guess)
+}
+
+/// Regression of the deficit on every signature alone, since a change.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Diagnosis {
+    with_deficit: [f32; CAUSES],
+    with_itself: [f32; CAUSES],
+    deficit2: f32,
+    blocks: u32,
+}
+
+/// Difference in fit, in units of chi-squared, at which a cause is ruled out against the best one: a likelihood ratio of
+/// e^12, which leaves room for a law whose misfit happens to look like a signature.
+const RULED_OUT: f32 = 25.0;
+
+/// Blocks after which old ones fade, so that the diagnosis follows the machine.
+const MEMORY_BLOCKS: u32 = 4000;
+
+impl Diagnosis {
+    /// Nothing taken yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { with_deficit: [0.0; CAUSES], with_itself: [0.0; CAUSES], deficit2: 0.0, blocks: 0 }
+    }
+
+    /// Takes the deficit of a block, less what was explained before the change, with the variance of its noise.
+    pub(super) fn takes(&mut self, signatures: &[f32; CAUSES], deficit: f32, noise_variance: f32) {
+        let weight = 1.0 / noise_variance;
+        let keep = if self.blocks >= MEMORY_BLOCKS { 1.0 - 1.0 / MEMORY_BLOCKS as f32 } else { 1.0 };
+        let weighted = weight * deficit;
+        self.deficit2 = keep * self.deficit2 + weighted * deficit;
+        for ((with_deficit, with_itself), signature) in
+            self.with_deficit.iter_mut().zip(&mut self.with_itself).zip(signatures)
+        {
+            *with_deficit = keep * *with_deficit + weighted * signature;
+            *with_itself = keep * *with_itself + weight * signature * signature;
+        }
+        self.blocks = self.blocks.saturating_add(1);
+    }
+
+    /// Blocks taken.
+    #[must_use]
+    pub fn blocks(&self) -> u32 {
+        self.blocks
+    }
+
+    /// What an explanation explains, in units of chi-squared.
+    fn explained(&self, index: usize) -> f32 {
+        match (self.with_deficit.get(index), self.with_itself.get(index)) {
+            (Some(with_deficit), Some(with_itself)) if *with_itself > 0.0 => {
+                with_deficit * with_deficit / with_itself
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The causes that remain: those that explain nearly as much as the best.
+    #[must_use]
+    pub fn remaining(&self) -> Causes {
+        if self.blocks == 0 {
+            return Causes::default();
+        }
+        let best = (0..CAUSES).map(|i| self.explained(i)).fold(0.0, f32::max);
+        let mut causes = Causes::default();
+        for (index, cause) in Cause::ALL.into_iter().enumerate() {
+            if best - self.explained(index) < RULED_OUT {
+                causes = causes.with(cause);
+            }
+        }
+        causes
+    }
+}
