@@ -51,7 +51,7 @@ impl Envelope {
     #[must_use]
     pub fn point(&self, index: u32, reduced: &ReducedRatio) -> (At, f64) {
         let within = |[low, high]: [f64; 2], base: u32| low + (high - low) * radical_inverse(index, base);
-        let alpha = if index % 3 == 0 { self.alpha[1] } else { within(self.alpha, 7) };
+        let alpha = if index.is_multiple_of(3) { self.alpha[1] } else { within(self.alpha, 7) };
         let at = At {
             n_p_rpm: within(self.speed_rpm, 2),
             p_h_mpa: within(self.pressure_mpa, 3),
