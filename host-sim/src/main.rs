@@ -26,6 +26,13 @@ enum Command {
     Paper(paper::Args),
 }
 
+#[test]
+fn command_line_is_consistent() {
+    // clap checks names, groups and values of all commands only when asked, and in debug builds.
+    use clap::CommandFactory;
+    Cli::command().debug_assert();
+}
+
 fn main() -> ExitCode {
     let result: Result<(), Failure> = match Cli::parse().command {
         Command::Identify(args) => identify::run(&args),

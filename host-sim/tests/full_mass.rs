@@ -22,12 +22,13 @@ fn model(text: &str) -> Model {
     Model::new(&Machine::from_toml(&file).unwrap()).unwrap()
 }
 
-/// Lowest absolute pressure of any chamber or line.
-struct Lowest(f64);
+/// Lowest absolute pressure of any chamber or line, and the number of chambers.
+struct Lowest(f64, usize);
 
 impl Observer for Lowest {
     fn see(&mut self, state: &State, _h: f64) {
-        for p in state.p_chamber_pa.iter().flat_map(|group| group.0).chain(state.p_node_pa) {
+        let chambers = state.p_chamber_pa.iter().flat_map(|group| group.0).take(self.1);
+        for p in chambers.chain(state.p_node_pa) {
             self.0 = self.0.min(p);
         }
     }
@@ -47,7 +48,7 @@ fn scenario(
     let mut state = integrator.initial(1.6e6, 1.6e6, &stages[0].0, alpha, 0.05);
     state.omega_m_rad_s = n_m_rpm / 60.0 * TAU;
     let account = MassBalance::open(&state, &plant);
-    let mut lowest = Lowest(f64::INFINITY);
+    let mut lowest = Lowest(f64::INFINITY, plant.chambers());
     for (inputs, seconds) in stages {
         let h = step_deg.to_radians() / state.omega_p_rad_s.abs();
         let steps = (seconds / h).round() as u64;

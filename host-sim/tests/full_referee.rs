@@ -216,7 +216,7 @@ impl Referee<'_> {
     /// Columns of samples over one revolution of the pump.
     fn integrate(&self, start: &[f64], rtol: f64) -> Vec<Vec<f64>> {
         let (n, first) = (start.len(), start.to_vec());
-        let problem = OdeBuilder::<NalgebraMat<f64>>::new()
+        let mut problem = OdeBuilder::<NalgebraMat<f64>>::new()
             .rtol(rtol)
             .atol(vec![rtol; n])
             .h0(1e-8)
@@ -245,6 +245,8 @@ impl Referee<'_> {
             .init(move |_p, _t, y| y.copy_from_slice(&first), n)
             .build()
             .unwrap();
+        // Ports that open are corners: there the step is cut until the corner is passed, some thousand times per turn.
+        problem.ode_options.max_nonlinear_solver_failures = 1_000_000;
         let times: Vec<f64> = (1..=SAMPLES).map(|k| TAU / self.omega_p * k as f64 / SAMPLES as f64).collect();
         let mut solver = problem.bdf::<NalgebraLU<f64>>().unwrap();
         let (columns, _) = solver.solve_dense(&times).unwrap();
@@ -263,7 +265,7 @@ struct Samples {
 impl Observer for Samples {
     fn see(&mut self, state: &State, _h: f64) {
         self.seen += 1;
-        if self.seen % self.every == 0 {
+        if self.seen.is_multiple_of(self.every) {
             self.rows.push(columns(state, self.chambers));
         }
     }

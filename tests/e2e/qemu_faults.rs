@@ -52,3 +52,9 @@ fn qemu_and_firmware_missing_are_said_with_the_command_that_helps() {
     let error = Session::start(&missing).err().expect("there is no such file").to_string();
     assert!(error.contains("cargo build --release") && error.contains("no/such/firmware"), "{error}");
 }
+
+#[test]
+fn qemu_firmware_ends_when_its_host_is_gone() {
+    let session = set_up(Session::start(&pil_options()));
+    assert_eq!(set_up(session.hang_up()).code, Some(3));
+}

@@ -1,11 +1,12 @@
 //! The link to the firmware in QEMU: what is damaged is answered and never obeyed, what is refused is refused by name.
 
-use host_sim::pil::{PilError, Session, frame};
+use host_sim::pil::{Line, PilError, PilOptions, Session, frame, run, same_bits};
 use kou_app::link::{ErrorKind, FieldProblem, FrameError, Refusal, Request, Response};
 use kou_estimator::calibration::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
+use kou_estimator::{Params, State, step};
 use kou_tests::samples::{Random, Samples};
-use kou_tests::{pil_options, record_of, reference_calibration, set_up};
+use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
 
 /// A copy of `good` that is no frame any more; none of its bytes becomes or stops being the closing zero.
 fn damaged(good: &[u8], random: &mut Random) -> Vec<u8> {
@@ -162,4 +163,47 @@ fn qemu_calibration_refused_names_the_field() {
     // The calibration before them is still in use.
     let status = set_up(session.status());
     assert_eq!((status.calibration, status.counts.calibrations_refused), (Some(crc), 5));
+}
+
+#[test]
+fn qemu_a_new_calibration_takes_effect_between_two_samples_and_starts_the_state_anew() {
+    let mut session = set_up(Session::start(&pil_options()));
+    let first = reference_calibration();
+    let mut second = first.clone();
+    second.law.c += 0.01;
+    let late = Samples::new(5).nth(100).expect("endless");
+    // Earlier than the sample before it: time reversed, unless the state is new.
+    let early = Samples::new(5).next().expect("endless");
+    let sequence = [
+        Request::LoadCalibration(&record_of(&first)),
+        Request::Sample(late),
+        Request::LoadCalibration(&record_of(&second)),
+        Request::Sample(early),
+    ]
+    .map(|request| frame(&request).expect("fits"))
+    .concat();
+    session.send_raw(sequence).expect("the firmware runs");
+    for (calibration, sample) in [(first, late), (second, early)] {
+        assert!(matches!(set_up(session.receive()), Ok(Response::CalibrationAccepted { .. })));
+        let params = Params::new(&calibration).expect("both are sound");
+        let host = step(&params, &mut State::new(), &sample);
+        match set_up(session.receive()) {
+            Ok(Response::Estimate(target)) => assert!(same_bits(&host, &target), "{host:?}\n{target:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn qemu_over_its_uart_gives_the_same_bits() {
+    let options = PilOptions { line: Line::Uart, ..pil_options() };
+    let params = reference_params();
+    let mut state = State::new();
+    let mut mismatches = 0;
+    let record = record_of(&reference_calibration());
+    let report = set_up(run(&options, &record, Samples::new(9).take(300), |_, sample, target| {
+        mismatches += u32::from(!same_bits(&step(&params, &mut state, sample), target));
+    }));
+    println!("{:.0} samples/s over the UART", report.samples_per_s);
+    assert_eq!((report.samples, mismatches, report.status.counts.frames_refused()), (300, 0, 0));
 }

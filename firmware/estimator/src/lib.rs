@@ -1,6 +1,6 @@
 //! Leakage estimator of an axial-piston pump-motor drive.
 //!
-//! One call, [`step`], turns a [`Sample`] of readings into an [`Estimate`]: the external leakage coefficient `Kou` that
+//! One call, [`step()`], turns a [`Sample`] of readings into an [`Estimate`]: the external leakage coefficient `Kou` that
 //! the calibrated law expects at the present operating point, the coefficient that the measured speed ratio shows, and
 //! what both mean for ratio, volumetric efficiency and leakage flow. The same crate runs in the firmware and in the
 //! host tool, with the same bits: it uses no floating-point function whose result depends on the machine.

@@ -14,6 +14,7 @@ use crate::replay::{EstimateWriter, Figures, Summary, Trace, draw};
 
 /// Replays a log through the estimator.
 #[derive(Debug, clap::Args)]
+#[group(id = "replay")]
 pub struct Args {
     /// Log (CSV): time_s, n_p_rpm, n_m_rpm (or flow_l_min), p_h_mpa, t_b_c and optionally p_l_mpa, alpha.
     #[arg(long, value_name = "LOG.csv")]

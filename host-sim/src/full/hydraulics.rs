@@ -365,8 +365,8 @@ impl Stage {
             let mut right = [0.0; NODES];
             for k in 0..NODES {
                 right[k] = star.node[k] - self.m.node[k] + gh * inflow[k];
-                for j in 0..NODES {
-                    matrix[k][j] *= -gh;
+                for entry in &mut matrix[k] {
+                    *entry *= -gh;
                 }
                 matrix[k][k] += 1.0;
             }
@@ -393,8 +393,8 @@ impl Stage {
                 group.q += (group.q_miss + drop) * group.q_slope;
             }
             last_change = largest.largest();
-            for k in 0..NODES {
-                last_change = last_change.max(change_n[k].abs() * inv_vn[k]);
+            for (change, inv_v) in change_n.iter().zip(&inv_vn) {
+                last_change = last_change.max(change.abs() * inv_v);
             }
             last_change *= inv_rho_0;
             if last_change < ACCEPT {
@@ -409,9 +409,9 @@ impl Stage {
                 finite += (self.group[g].change * V4::ZERO).sum();
                 self.m.chamber[g] = (m + self.group[g].change).max(keep * m);
             }
-            for k in 0..NODES {
-                finite += change_n[k] * 0.0;
-                self.m.node[k] = (self.m.node[k] + change_n[k]).max(0.2 * self.m.node[k]);
+            for (m, change) in self.m.node.iter_mut().zip(&change_n) {
+                finite += change * 0.0;
+                *m = (*m + change).max(0.2 * *m);
             }
             if finite != 0.0 {
                 return Err(GaveUp { last_change, iterations: iteration });
@@ -422,6 +422,10 @@ impl Stage {
 
     /// Eliminates chambers that are open to both kidneys: their mass couples both lines.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one linear system, taken apart so that it stays in registers"
+    )]
     fn eliminate_bridges(
         &mut self,
         rho_n: &[f64; NODES],
@@ -602,8 +606,9 @@ fn solve_nodes(matrix: &mut [[f64; NODES]; NODES], right: &mut [f64; NODES]) -> 
         let inv = 1.0 / diagonal;
         for row in k + 1..NODES {
             let factor = matrix[row][k] * inv;
-            for column in k + 1..NODES {
-                matrix[row][column] -= factor * matrix[k][column];
+            let pivot_row = matrix[k];
+            for (entry, above) in matrix[row].iter_mut().zip(pivot_row).skip(k + 1) {
+                *entry -= factor * above;
             }
             right[row] -= factor * right[k];
         }

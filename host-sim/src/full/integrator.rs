@@ -160,7 +160,7 @@ impl<'a> Integrator<'a> {
             self.halved(state, inputs, h, gave_up)?;
         }
         let highest = state.p_node_pa[A].max(state.p_node_pa[B]);
-        if !(highest < MAX_PRESSURE_PA) {
+        if highest >= MAX_PRESSURE_PA {
             return Err(SimError::PressureTooHigh {
                 place: if state.p_node_pa[A] > state.p_node_pa[B] { "line A" } else { "line B" },
                 time_s: state.time_s,

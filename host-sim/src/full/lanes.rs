@@ -86,8 +86,8 @@ impl V4 {
     #[must_use]
     pub fn if_above(self, other: V4, yes: V4, no: V4) -> V4 {
         let mut r = no.0;
-        for l in 0..WIDTH {
-            r[l] = if self.0[l] > other.0[l] { yes.0[l] } else { no.0[l] };
+        for (l, x) in r.iter_mut().enumerate() {
+            *x = if self.0[l] > other.0[l] { yes.0[l] } else { no.0[l] };
         }
         V4(r)
     }

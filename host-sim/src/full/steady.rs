@@ -10,14 +10,13 @@
 //! ```
 //!
 //! with mu the oil that the motor takes per radian and dr/dp from the start estimate; then the line is moved to p_H.
-//! One correction leaves 3 to 10 % of an error (mu and dr/dp are that good), so the residual, the last change of the
-//! ratio, is a safe bound of what is left.
+//! One correction leaves 10 to 30 % of an error, so the residual, the last change of the ratio, bounds what is left.
 //!
 //! Pump and motor ripple have different periods, so no state repeats exactly; what a long transient averages over is
 //! every relative position of the two shafts, and one revolution alone is off by up to 1e-3. One short window first brings
 //! pressure and ratio close. The next ones span a whole beat, the slowest |k*Z_p - l*Z_m*r| per revolution with small
-//! k and l; where that takes too long (r near Z_p/Z_m and the like), [`MEMBERS`] short runs start with motors a fraction
-//! of a piston pitch apart instead, and their windows are averaged.
+//! k and l; where that takes too long (r near Z_p/Z_m, 4/5 of it and the like), [`MEMBERS`] runs with motors a fraction of
+//! a piston pitch apart take its place, each with short windows, and their means are averaged.
 
 use std::f64::consts::TAU;
 
@@ -33,14 +32,17 @@ use super::run::run;
 use super::shaft::{Drive, Load};
 use super::tableau::Method;
 
-/// Runs with different relative positions of the shafts where the beat is slow.
-pub const MEMBERS: usize = 8;
-/// Slowest beat, in pump revolutions, that is waited for.
-const LONGEST_BEAT_REV: f64 = 8.0;
+/// Runs with different relative positions of the shafts where a beat is slow. Being prime, the number averages out every
+/// beat whose order l it does not divide.
+pub const MEMBERS: usize = 7;
+/// Slowest beat, in pump revolutions, that is waited for; a longer window costs more than [`MEMBERS`] short ones.
+const LONGEST_BEAT_REV: f64 = 4.0;
 /// Rise and fall of a window, pump revolutions: six pump ripples with nine pistons.
 const EDGE_REV: f64 = 2.0 / 3.0;
 /// Flat part of a window that need not span a beat.
 const SHORT_BOX_REV: f64 = 1.0 / 3.0;
+/// Flat part of a window that spans beats: whole beats, at least this long, so that beats of high order average out too.
+const LONG_BOX_REV: f64 = 1.5;
 /// Start-up before the first window: chambers forget a wrong start when they next meet a kidney.
 const SETTLE_REV: f64 = 0.5;
 /// Pump speeds for which the model is meant.
@@ -52,11 +54,17 @@ pub const LOAD: Range = Range::new(1.0, 1.0e6, "N m");
 /// Steps as pump angle. Above 4 deg a step could jump over a silencing groove.
 pub const STEP: Range = Range::new(0.001, 4.0, "deg");
 /// Windows after which the search gives up.
-const MAX_WINDOWS: u32 = 12;
+const MAX_WINDOWS: u32 = 14;
+/// Windows after which a single run gives way to several: a beat of high order keeps it from settling.
+const MAX_SINGLE: u32 = 5;
+/// Corrections of the last windows that are averaged when no single one was small enough.
+const AVERAGED: usize = 4;
+/// Spread of those corrected ratios at which their mean still is a result, with the spread as its residual.
+const SPREAD: f64 = 1.0e-4;
 /// Corrections below this are not taken from a short window: the beat that it does not see is of this size.
 const SHORT_NOISE: f64 = 1.0e-3;
-/// Orders k and l up to which beats are looked for; the effect of higher ones is below 1e-6.
-const BEAT_ORDER: u32 = 5;
+/// Orders k and l up to which beats are looked for. A beat of orders 4 and 5 still moves the ratio by 9e-5 at 50 MPa.
+const BEAT_ORDER: u32 = 6;
 /// Fraction of theory's leakage that a start estimate expects: chambers in transition leak less.
 const LEAKING: f64 = 0.96;
 
@@ -91,13 +99,13 @@ pub struct Settings {
     pub step_deg: f64,
     /// Method.
     pub method: Method,
-    /// Last change of the ratio at which the search ends; the error left is a tenth of it or less.
+    /// Last change of the ratio at which the search ends; the error left is about a third of it.
     pub tolerance: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { step_deg: 1.0, method: Method::TrBdf2, tolerance: 1.0e-4 }
+        Self { step_deg: 0.75, method: Method::TrBdf2, tolerance: 1.0e-5 }
     }
 }
 
@@ -286,28 +294,50 @@ impl<'a> Search<'a> {
             box_steps: SHORT_BOX_REV * self.steps_per_rev as f64,
             edge_steps: EDGE_REV * self.steps_per_rev as f64,
         };
-        let mut runner = self.start(0.0, self.target_pa)?;
-        let (means, _) = self.window(&mut runner, short)?;
-        let before = self.ratio;
-        let mut change = self.correct(&means)?;
-        if change < SHORT_NOISE {
-            self.ratio = before;
-        }
-        self.move_line(&mut runner.1, self.target_pa - means.p_node_pa[self.high]);
-        for _ in 0..MAX_WINDOWS {
-            let beat = self.slowest_beat_per_rev();
-            let (means, ripple_pa) = if beat * LONGEST_BEAT_REV > 1.0 {
-                // Whole beats, at least the short window's length.
-                let box_steps = (SHORT_BOX_REV * beat).ceil() / beat * self.steps_per_rev as f64;
-                self.window(&mut runner, Shape { box_steps, ..short })?
-            } else {
-                self.members(short)?
-            };
+        let mut runners = vec![self.start(0.0, self.target_pa)?];
+        let mut shape = short;
+        let mut before = self.ratio;
+        let mut change = f64::INFINITY;
+        let mut corrected = Vec::new();
+        for window in 0..MAX_WINDOWS {
+            let (means, pressures_pa, ripple_pa) = self.windows(&mut runners, shape)?;
             change = self.correct(&means)?;
-            if change < self.settings.tolerance {
-                return Ok((self.point(&means, ripple_pa, change), runner.1));
+            if window > 0 && change < self.settings.tolerance {
+                let point = self.point(&means, ripple_pa, change);
+                return Ok((point, runners.swap_remove(0).1));
             }
-            self.move_line(&mut runner.1, self.target_pa - means.p_node_pa[self.high]);
+            corrected.push(self.ratio);
+            if window + 1 == MAX_WINDOWS {
+                let last = corrected.split_off(corrected.len().saturating_sub(AVERAGED));
+                let highest = last.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let spread = highest - last.iter().copied().fold(f64::INFINITY, f64::min);
+                if spread < SPREAD {
+                    self.ratio = last.iter().sum::<f64>() / last.len() as f64;
+                    return Ok((self.point(&means, ripple_pa, spread), runners.swap_remove(0).1));
+                }
+            }
+            if window == 0 && change < SHORT_NOISE {
+                self.ratio = before;
+            }
+            before = self.ratio;
+            for ((_, state), pressure_pa) in runners.iter_mut().zip(pressures_pa) {
+                self.move_line(state, self.target_pa - pressure_pa);
+            }
+            let beat = self.slowest_beat_per_rev();
+            if runners.len() == MEMBERS {
+                // Once there are members they stay, also when the ratio wanders off the slow beat.
+                continue;
+            }
+            if beat * LONGEST_BEAT_REV > 1.0 && window < MAX_SINGLE {
+                let box_steps = (LONG_BOX_REV * beat).ceil() / beat * self.steps_per_rev as f64;
+                shape = Shape { box_steps, ..short };
+            } else {
+                // All start afresh and together, so that their phases stay evenly spread.
+                shape = short;
+                let pitch = TAU / self.plant.motor_pistons as f64;
+                let phases = (0..MEMBERS).map(|k| pitch * k as f64 / MEMBERS as f64);
+                runners = phases.map(|phase| self.start(phase, self.target_pa)).collect::<Result<_, _>>()?;
+            }
         }
         Err(SimError::NotSteady { revolutions: self.revolutions, residual: change })
     }
@@ -332,23 +362,23 @@ impl<'a> Search<'a> {
         Ok((integrator, state))
     }
 
-    /// One window of every member: average of their means, and the largest ripple of the high line.
-    fn members(&mut self, shape: Shape) -> Result<(Means, f64), SimError> {
-        let pitch = TAU / self.plant.motor_pistons as f64;
+    /// One window of every run: average of their means, each one's high pressure, and the largest ripple.
+    fn windows(
+        &mut self,
+        runners: &mut [Runner<'a>],
+        shape: Shape,
+    ) -> Result<(Means, Vec<f64>, f64), SimError> {
         let mut sum = Means::default();
+        let mut pressures_pa = Vec::with_capacity(runners.len());
         let mut ripple: f64 = 0.0;
-        // A run ends up a little off the pressure it was started for; the later ones start by the mean of that lower.
-        let mut off_pa = 0.0;
-        for k in 0..MEMBERS {
-            let phase = pitch * k as f64 / MEMBERS as f64;
-            let begin_pa = self.target_pa - off_pa / k.max(1) as f64;
-            let mut runner = self.start(phase, begin_pa)?;
-            let (means, member_ripple) = self.window(&mut runner, shape)?;
-            off_pa += means.p_node_pa[self.high] - begin_pa;
-            sum.add(&means, 1.0 / MEMBERS as f64);
-            ripple = ripple.max(member_ripple);
+        let share = 1.0 / runners.len() as f64;
+        for runner in runners {
+            let (means, one_ripple) = self.window(runner, shape)?;
+            pressures_pa.push(means.p_node_pa[self.high]);
+            sum.add(&means, share);
+            ripple = ripple.max(one_ripple);
         }
-        Ok((sum, ripple))
+        Ok((sum, pressures_pa, ripple))
     }
 
     /// Corrects ratio and target pressure after a window; returns the change of the ratio.

@@ -19,6 +19,26 @@ use kou_estimator::{Estimate, Sample};
 pub use error::{BUILD_FIRMWARE, INSTALL_QEMU, PilError, Printed};
 pub use session::{BATCH_LEN, Ended, Reply, Session, frame, run_to_end};
 
+/// What carries the link's bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Line {
+    /// Files reached by semihosting: fast, and in lockstep.
+    #[default]
+    Files,
+    /// The board's UART: slow, as on hardware, and bytes arrive whenever they arrive.
+    Uart,
+}
+
+impl Line {
+    /// The firmware's command line that makes it use this line.
+    fn arguments(self) -> &'static [&'static str] {
+        match self {
+            Self::Files => &[],
+            Self::Uart => &["kou", "uart"],
+        }
+    }
+}
+
 /// What to run, and with what patience.
 #[derive(Debug, Clone)]
 pub struct PilOptions {
@@ -30,6 +50,8 @@ pub struct PilOptions {
     pub timeout: Duration,
     /// Whether the firmware's clock counts instructions, and so is the same in every run. Off, QEMU is faster.
     pub deterministic: bool,
+    /// What carries the link's bytes.
+    pub line: Line,
 }
 
 impl Default for PilOptions {
@@ -39,6 +61,7 @@ impl Default for PilOptions {
             qemu: "qemu-system-arm".into(),
             timeout: Duration::from_secs(60),
             deterministic: true,
+            line: Line::Files,
         }
     }
 }

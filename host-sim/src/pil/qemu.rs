@@ -7,8 +7,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use super::PilOptions;
 use super::error::{PilError, Printed};
+use super::{Line, PilOptions};
 
 /// Bytes of the firmware's log that are kept; it logs transitions, so a real log is far shorter.
 const MAX_LOG: u64 = 4 << 20;
@@ -30,7 +30,9 @@ impl Qemu {
         let elf = &options.firmware_elf;
         let elf = elf.canonicalize().map_err(|_| PilError::FirmwareMissing { path: elf.clone() })?;
         let mut command = Command::new(&options.qemu);
-        command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"]);
+        command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none"]);
+        // QEMU adds the endings .in and .out to the pipe's name.
+        command.args(["-serial", if options.line == Line::Uart { "pipe:kou-link" } else { "none" }]);
         if options.deterministic {
             command.args(["-icount", "shift=5,sleep=off"]);
         }

@@ -32,8 +32,9 @@ pub const BATCH_LEN: usize = 4096;
 /// How often a wait looks whether QEMU still runs.
 const GLANCE: Duration = Duration::from_millis(100);
 
-const REQUESTS: &str = "kou-link.requests";
-const RESPONSES: &str = "kou-link.responses";
+/// The files' names are known to the firmware; without their endings, to QEMU's UART.
+const REQUESTS: &str = "kou-link.in";
+const RESPONSES: &str = "kou-link.out";
 
 /// A firmware that runs and has said hello. Dropped, it is ended the hard way.
 pub struct Session {
@@ -81,7 +82,7 @@ impl Session {
         let writer = writer.map_err(doing("opening the link's FIFO for requests"))?;
         let reader = File::open(&responses).map_err(doing("opening the link's FIFO for responses"))?;
         let mut session = Self {
-            qemu: Qemu::start(options, &[], directory.path())?,
+            qemu: Qemu::start(options, options.line.arguments(), directory.path())?,
             outgoing: write_in_background(writer),
             incoming: read_in_background(reader),
             decoder: FrameDecoder::new(),
@@ -195,6 +196,17 @@ impl Session {
             Response::ShuttingDown => {}
             other => return Err(unexpected("shutdown", &other)),
         }
+        let code = self.qemu.wait(self.options.timeout)?;
+        Ok(Ended { code, log: self.qemu.log(), printed: self.qemu.printed().0 })
+    }
+
+    /// Closes the line without a word, as a host does that dies, and waits for the firmware to notice.
+    ///
+    /// # Errors
+    /// When the firmware does not end in time.
+    pub fn hang_up(mut self) -> Result<Ended, PilError> {
+        // The writing thread ends with its channel, and closes its end of the line.
+        self.outgoing = channel().0;
         let code = self.qemu.wait(self.options.timeout)?;
         Ok(Ended { code, log: self.qemu.log(), printed: self.qemu.printed().0 })
     }

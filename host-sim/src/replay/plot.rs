@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use crate::input::InputError;
 
 /// Points that a picture shows at most; longer logs are thinned evenly.
-const MAX_POINTS: usize = 500;
+const MAX_POINTS: usize = 400;
 const SIZE: (u32, u32) = (1100, 900);
 const MEASURED: RGBColor = RGBColor(31, 119, 180);
 const EXPECTED: RGBColor = RGBColor(214, 39, 40);

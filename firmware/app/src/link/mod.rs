@@ -8,6 +8,8 @@
 pub mod cobs;
 pub mod frame;
 pub mod message;
+#[cfg(test)]
+mod tests;
 
 pub use frame::{EncodeError, FrameDecoder, FrameError, encode};
 pub use message::{

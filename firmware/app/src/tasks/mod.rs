@@ -15,6 +15,8 @@ mod heartbeat;
 mod in_flight;
 mod link_in;
 mod link_out;
+#[cfg(test)]
+mod tests;
 
 pub use counters::Counters;
 pub use estimate::run_estimate;

