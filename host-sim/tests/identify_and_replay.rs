@@ -10,12 +10,24 @@ const BENCH: &str = "tests/data/bench_45.csv";
 const DRIVE: &str = "tests/data/drive.csv";
 
 fn identify(folder: &Folder, name: &str) -> serde_json::Value {
-    identify_by(folder, name, "joint")
+    identify_by(folder, name, "rom", "joint")
 }
 
-fn identify_by(folder: &Folder, name: &str, scheme: &str) -> serde_json::Value {
+fn identify_by(folder: &Folder, name: &str, model: &str, scheme: &str) -> serde_json::Value {
     let out = folder.path(name);
-    let words = ["identify", "--bench", BENCH, "--machine", MACHINE, "--scheme", scheme, "--json", "--out"];
+    let words = [
+        "identify",
+        "--bench",
+        BENCH,
+        "--machine",
+        MACHINE,
+        "--model",
+        model,
+        "--scheme",
+        scheme,
+        "--json",
+        "--out",
+    ];
     json(words.into_iter().chain([out.to_str().unwrap()]))
 }
 
@@ -32,7 +44,7 @@ fn truth() -> Vec<f64> {
 #[test]
 fn val_identified_coefficients_agree_with_the_synthetic_truth() {
     let folder = Folder::new();
-    let report = identify(&folder, "cal.toml");
+    let report = identify_by(&folder, "cal.toml", "full", "joint");
     let points = report["points"].as_array().unwrap();
     assert_eq!(points.len(), 45);
     let mut sum = 0.0;
@@ -41,13 +53,13 @@ fn val_identified_coefficients_agree_with_the_synthetic_truth() {
     }
     let mean_pct = 100.0 * sum / 45.0;
     println!("mean error of Kou {mean_pct:.2} %, of the ratio {} %", report["ratio_error_mean_pct"]);
-    // 0.028 % of ratio (two speeds at 0.02 %) is 0.36 to 2.5 % of Kou over the grid (design: 1 % is 14 to 65 %), and
-    // the mean magnitude of a normal error is 0.8 sigma: about 0.7 %. Twice that is a wrong inverse, not noise.
+    // Random errors: 0.028 % of ratio (two speeds at 0.02 %) is 0.36 to 2.5 % of Kou over the grid, on average 0.7 %.
+    // The instruments' systematic errors of speed are found as displacement, that of pressure is 0.5 % of Kou.
     assert!(mean_pct < 1.5, "{mean_pct}");
     // Noise of 0.028 % and the misfit of a quadratic to a truth that is none.
     assert!(report["ratio_error_mean_pct"].as_f64().unwrap() < 0.06);
     assert_eq!(report["dropped_terms"].as_array().unwrap().len(), 0);
-    assert!(report["condition_number"].as_f64().unwrap() < 200.0);
+    assert!(report["condition_number"].as_f64().unwrap() < 400.0);
     for name in ["a11", "a22", "a33", "a12", "a13", "a23", "b1", "b2", "b3", "c"] {
         assert!(report["law"]["normalised"][name].is_number() && report["law"]["physical"][name].is_number());
     }
@@ -267,7 +279,15 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
     let two = run(&[rows[0], rows[20]]);
     assert_eq!((two["points"].as_array().unwrap().len(), dropped(&two).len()), (2, 8));
     // One temperature: nothing that depends on it.
-    let one_temperature = run(&rows[..15]);
+    let fixed: Vec<String> = rows[..15]
+        .iter()
+        .map(|row| {
+            let mut cells: Vec<&str> = row.split(',').collect();
+            cells[2] = "30.00";
+            cells.join(",")
+        })
+        .collect();
+    let one_temperature = run(&fixed.iter().map(String::as_str).collect::<Vec<_>>());
     assert_eq!(dropped(&one_temperature), ["b3", "a33", "a13", "a23"]);
     assert_eq!(one_temperature["law"]["normalised"]["b3"], 0.0);
     // A copied row counts once and is named.
@@ -303,7 +323,7 @@ fn file_of_200_megabytes_is_refused_for_what_it_is() {
 fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
     let folder = Folder::new();
     // As the machine file says, so that the figures below stand in it.
-    identify_by(&folder, "cal.toml", "paper");
+    identify_by(&folder, "cal.toml", "rom", "paper");
     let good = std::fs::read_to_string(folder.path("cal.toml")).unwrap();
     let replay = |log: &str, calibration: &str, map: Option<&str>| {
         let mut arguments = vec!["replay", "--log", log, "--calibration", calibration];

@@ -14,7 +14,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 pub fn machine(name: &str) -> Machine {
-    Machine::load(&super::root().join("host-sim/machines").join(name)).unwrap()
+    Machine::load(&crate::support::root().join("host-sim/machines").join(name)).unwrap()
 }
 
 pub fn settings() -> Settings {
