@@ -86,6 +86,14 @@ fn prop_mass_balances_with_an_overrunning_load() {
     let inputs = Inputs { drive: pump(1500.0), load: Load::ConstantNm(-1200.0), alpha: 0.6 };
     let (error, _) = scenario(&model, 0.05, 0.6, 850.0, &[(inputs, 0.5)], 1.0);
     assert!(error <= LIMIT, "{error}");
+    let plant = model.plant(60.0, 0.05).unwrap();
+    let mut integrator = Integrator::new(&plant, Method::default());
+    let mut state = integrator.initial(1.6e6, 1.6e6, &inputs, 0.6, 0.05);
+    state.omega_m_rad_s = 850.0 / 60.0 * TAU;
+    let h = 1.0f64.to_radians() / state.omega_p_rad_s;
+    run(&mut integrator, &mut state, &inputs, h, 4500, &mut ()).unwrap();
+    // 1200 N m on 300 cm3/rev is 25 MPa.
+    assert!(state.p_node_pa[1] > state.p_node_pa[0] + 20.0e6, "the lines have not swapped roles");
 }
 
 #[test]

@@ -57,6 +57,8 @@ pub const STEP: Range = Range::new(0.001, 4.0, "deg");
 const MAX_WINDOWS: u32 = 14;
 /// Windows after which a single run gives way to several: a beat of high order keeps it from settling.
 const MAX_SINGLE: u32 = 5;
+/// Fraction of the tolerance that may be left by extrapolation when the last change itself is above the tolerance.
+const FORESEEN: f64 = 0.4;
 /// Corrections of the last windows that are averaged when no single one was small enough.
 const AVERAGED: usize = 4;
 /// Spread of those corrected ratios at which their mean still is a result, with the spread as its residual.
@@ -301,8 +303,12 @@ impl<'a> Search<'a> {
         let mut corrected = Vec::new();
         for window in 0..MAX_WINDOWS {
             let (means, pressures_pa, ripple_pa) = self.windows(&mut runners, shape)?;
+            let last_change = change;
             change = self.correct(&means)?;
-            if window > 0 && change < self.settings.tolerance {
+            // Corrections that shrink by q leave change*q/(1 - q): as good as one more window when that is small.
+            let q = change / last_change;
+            let left = if window > 1 && q < 0.5 { change * q / (1.0 - q) } else { f64::INFINITY };
+            if window > 0 && (change < self.settings.tolerance || left < FORESEEN * self.settings.tolerance) {
                 let point = self.point(&means, ripple_pa, change);
                 return Ok((point, runners.swap_remove(0).1));
             }
