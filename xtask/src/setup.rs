@@ -146,6 +146,27 @@ fn qemu() -> Result<()> {
     )
 }
 
+/// A browser for the report's test: found, or installed where that needs no question. Its absence fails nothing: the test
+/// then says that it was skipped.
+pub fn browser() {
+    let there =
+        || ["chromium", "chromium-browser", "google-chrome"].iter().any(|name| works(name, &["--version"]));
+    if there() || !works("apt-get", &["--version"]) || !is_root() {
+        return;
+    }
+    for words in [&["update"][..], &["install", "-y", "--no-install-recommends", "chromium"]] {
+        let done = Run::new("apt-get", words).env("DEBIAN_FRONTEND", "noninteractive").succeeds();
+        if !done.unwrap_or(false) {
+            break;
+        }
+    }
+    if !there() {
+        eprintln!(
+            "warning: no Chromium could be installed; the test of the report in a browser will be skipped"
+        );
+    }
+}
+
 fn is_root() -> bool {
     Run::new("id", &["-u"]).quiet().stdout().is_ok_and(|id| id.trim() == "0")
 }

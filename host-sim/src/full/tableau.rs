@@ -3,7 +3,7 @@
 /// Most stages of any method here.
 pub const MAX_STAGES: usize = 4;
 
-/// One method. Stage i solves m_i = m_0 + h*(sum_j<i a[i][j] k_j + gamma k_i); the last stage is the new state.
+/// One method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last stage is the new state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tableau {
     /// Number of stages, the explicit first one included.

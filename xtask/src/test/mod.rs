@@ -52,6 +52,7 @@ impl Report {
 /// Sets up and runs everything.
 pub fn run() -> Result<ExitCode> {
     setup::run()?;
+    setup::browser();
     let workspace = Workspace::load()?;
     let mut report = Report { tally: Tally::default(), failed_stages: Vec::new() };
 

@@ -109,7 +109,7 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
                     let len = random.below(12);
                     (0..len).map(|_| random.next() as u8).collect()
                 }
-                1 if random.below(50) == 0 => vec![random.next() as u8; 600 + random.below(200)],
+                1 if random.below(50) == 0 => vec![random.next() as u8; MAX_BODY + 1 + random.below(200)],
                 2 if random.below(50) == 0 => request_frame(&Request::LoadCalibration(&record)),
                 3..=6 => request_frame(&Request::Sample(sample(&mut random))),
                 7 => request_frame(&Request::Status),
