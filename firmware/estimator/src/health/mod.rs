@@ -1,8 +1,8 @@
 //! Health: what the leakage has become, slowly learned while driving, and whether it has changed.
 //!
-//! Every valid sample goes into a block ([`block`]); a block passes the gate when speed, pressure, displacement and ratio
-//! are steady ([`steady`]). The deficit of ratio of a block is explained by three parameters, learned recursively
-//! ([`ud`]):
+//! Every valid sample goes into a block (`block`); a block passes the gate when speed, pressure, displacement and ratio
+//! are steady (`steady`). The deficit of ratio of a block is explained by four parameters, learned recursively
+//! (`ud`):
 //!
 //! * the level: leakage over the law's, less 1. It may change, so it is forgotten slowly;
 //! * a factor on the ratio: displacement or speed scale, constant. It would otherwise look like a leak that depends on
@@ -11,7 +11,7 @@
 //!
 //! The level is watched in two ways: a two-sided cumulative sum of the deficit's innovations finds steps, the distance of
 //! the learned level from the reference finds drifts. A change found is reported, never silently followed; then the causes
-//! are told apart by their signatures ([`signature`]), and only where nothing but leakage remains is wear confirmed.
+//! are told apart by their signatures (`signature`), and only where nothing but leakage remains is wear confirmed.
 //!
 //! All of it is fixed in size, bounded in value, and the state can be saved and restored without changing a bit of what
 //! follows. [`observe`] takes a sample beside [`crate::step()`]; calibration record, link and firmware do not carry it
