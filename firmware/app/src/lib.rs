@@ -8,6 +8,7 @@
 //! | module | duty |
 //! |---|---|
 //! | [`link`] | messages between host and firmware and their frames |
+//! | [`sensors`] | conversions and edges into readings, with every failure named |
 //! | [`tasks`] | the asynchronous tasks and the channels between them |
 //!
 //! `docs/firmware.md` draws the tasks and the flow of data, `docs/link.md` describes the link byte by byte.
@@ -24,4 +25,5 @@ extern crate std;
 mod log;
 
 pub mod link;
+pub mod sensors;
 pub mod tasks;
