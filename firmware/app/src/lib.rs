@@ -7,6 +7,7 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`controller`] | the tasks of the vehicle's controller: sample, estimate, publish, store, supervise |
 //! | [`link`] | messages between host and firmware and their frames |
 //! | [`sensors`] | conversions and edges into readings, with every failure named |
 //! | [`tasks`] | the asynchronous tasks and the channels between them |
@@ -24,6 +25,16 @@ extern crate std;
 
 mod log;
 
+pub mod controller;
 pub mod link;
 pub mod sensors;
 pub mod tasks;
+
+/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
+#[cfg(test)]
+fn clock_for_one_test() -> std::sync::MutexGuard<'static, ()> {
+    static CLOCK: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    let guard = CLOCK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    embassy_time::MockDriver::get().reset();
+    guard
+}
