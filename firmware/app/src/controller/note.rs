@@ -1,7 +1,7 @@
 //! A note to oneself across a reset, in memory that the start-up code leaves alone: why it came to it.
 //!
 //! The board sets [`LEN`] bytes aside in a section without initialisation. Before a reset that the firmware causes, or
-//! expects, [`write`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
+//! expects, [`write()`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
 //! note is believed only with its mark and its CRC-32.
 
 use core::fmt::{self, Write};

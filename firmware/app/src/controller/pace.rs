@@ -28,7 +28,7 @@ impl<'a> Pace<'a> {
     /// Ends the present turn and waits for the next.
     pub async fn turn(&mut self) -> Instant {
         let done = Instant::now();
-        self.due = self.due + self.period;
+        self.due = self.due.saturating_add(self.period);
         if let Some(began) = self.began {
             self.vital.took(done.saturating_duration_since(began));
             if done > self.due {
@@ -36,7 +36,7 @@ impl<'a> Pace<'a> {
                 let skipped = behind.div_ceil(self.period.as_ticks());
                 self.vital.misses(skipped);
                 let left_out = Duration::from_ticks(skipped.saturating_mul(self.period.as_ticks()));
-                self.due = self.due + left_out;
+                self.due = self.due.saturating_add(left_out);
             }
         }
         Timer::at(self.due).await;
