@@ -9,6 +9,7 @@
 //! |---|---|
 //! | [`controller`] | the tasks of the vehicle's controller: sample, estimate, publish, store, supervise |
 //! | [`link`] | messages between host and firmware and their frames |
+//! | [`rig`] | exchange between an emulated controller and its emulated surroundings |
 //! | [`sensors`] | conversions and edges into readings, with every failure named |
 //! | [`tasks`] | the asynchronous tasks and the channels between them |
 //!
@@ -27,6 +28,7 @@ mod log;
 
 pub mod controller;
 pub mod link;
+pub mod rig;
 pub mod sensors;
 pub mod tasks;
 

@@ -52,6 +52,7 @@ use embassy_sync::channel::Channel;
 use embassy_time::Duration;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Params, Sample};
+use serde::{Deserialize, Serialize};
 
 /// Period of [`run_sample`].
 pub const SAMPLE_PERIOD: Duration = Duration::from_millis(1);
@@ -67,7 +68,7 @@ pub const SUPERVISE_PERIOD: Duration = Duration::from_millis(50);
 pub const MAX_ESTIMATE_AGE: Duration = Duration::from_millis(100);
 
 /// Why there is no estimate at all; an estimate that is invalid has its own reasons.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoEstimate {
     /// The tasks have just begun.

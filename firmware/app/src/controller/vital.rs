@@ -5,6 +5,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_time::Duration;
+use serde::{Deserialize, Serialize};
 
 /// One task's figures; each stays at its maximum instead of wrapping, but for the turns, which wrap.
 #[derive(Debug)]
@@ -17,7 +18,7 @@ pub struct Vital {
 }
 
 /// One task's figures at one time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VitalsRead {
     /// Turns begun since start, modulo 2^32.

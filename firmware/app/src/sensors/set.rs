@@ -197,7 +197,11 @@ impl SensorsState {
             High::B => (line_b, line_a),
         };
         sample.oil_temperature = self.oil.reading();
-        sample.displacement = displacement;
+        // The swash has stops at full displacement: what the sensor shows beyond is its own error, and within its range.
+        sample.displacement = Reading {
+            value: displacement.value.map(|alpha| Ratio(alpha.get().clamp(-1.0, 1.0))),
+            ..displacement
+        };
         sample
     }
 
