@@ -120,8 +120,11 @@ impl AnalogState {
             };
             self.accepted = Some((now, value));
         }
-        if self.debounce.judge(&params.debounce, judged.map(|_| ())) {
-            // What comes after a confirmed fault is a new beginning, wherever it stands.
+        let confirmed = self.debounce.judge(&params.debounce, judged.map(|_| ()));
+        let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
+        if confirmed || leaps {
+            // What comes after a confirmed fault is a new beginning, wherever it stands; and as long as the signal leaps, so
+            // is each value, or a last wild one would be the measure of the good ones after it.
             self.accepted = None;
         }
     }

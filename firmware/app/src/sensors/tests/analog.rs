@@ -121,8 +121,8 @@ fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
         }
         let live = |ms: u64| Ok(counts(15.0 + 0.01 * (ms % 5) as f64));
         let ms = bench.time_to(live, |reading| reading.is_ok());
-        // 200 good ones, and before them up to 26 ms in which 15 MPa are still too far from the 28 of the noise.
-        assert!(ms <= 227, "{fault:?} healed after {ms} ms");
+        // 200 good ones, and one or two before them that are still measured by the last wild one.
+        assert!(ms <= 202, "{fault:?} healed after {ms} ms");
         assert!((bench.reading().unwrap() - 15.02).abs() < 0.05, "{fault:?}: {:?}", bench.reading());
     }
 }
