@@ -1,0 +1,5 @@
+//! Calibration update over CAN.
+
+pub mod refusal;
+
+pub use refusal::Refusal;
