@@ -26,5 +26,6 @@ mod log;
 pub mod faults;
 pub mod j1939;
 pub mod link;
+pub mod storage;
 pub mod tasks;
 pub mod update;

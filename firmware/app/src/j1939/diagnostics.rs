@@ -16,6 +16,9 @@ pub enum List {
     Previous,
 }
 
+/// Bytes behind the trouble in a frame of its own.
+const FILLING: usize = 2;
+
 /// One trouble in the bytes 2 to 5 of a frame, the other bytes as they are without one.
 fn with_trouble(mut data: [u8; 8], entry: Option<&Entry>) -> [u8; 8] {
     let (spn, fmi, count) =
@@ -38,17 +41,17 @@ pub fn list(memory: &FaultMemory, which: List) -> Vec<u8, MAX_LEN> {
     AMBER_LAMP.put_raw(&mut head, u32::from(memory.lamp() == Lamp::Amber));
     let is_active = which == List::Active;
     let mut entries = memory.entries().iter().filter(|entry| entry.active == is_active);
-    let mut bytes = Vec::new();
-    // The memory holds no more troubles than the list, so nothing of what follows is refused.
     let first = with_trouble(head, entries.next());
-    let mut entries = entries.peekable();
-    let alone = entries.peek().is_none();
-    let _ =
-        bytes.extend_from_slice(if alone { &first } else { first.first_chunk::<6>().map_or(&[][..], |c| c) });
-    for entry in entries {
+    let mut rest = entries.peekable();
+    // A list that is alone in its frame is filled up to eight bytes; a longer one is not.
+    let kept = if rest.peek().is_none() { first.len() } else { first.len() - FILLING };
+    let rest = rest.flat_map(|entry| {
         let [_, _, trouble @ .., _, _] = with_trouble(head, Some(entry));
-        let _ = bytes.extend_from_slice(&trouble);
-    }
+        trouble
+    });
+    let mut bytes = Vec::new();
+    // The list has room for every trouble that the memory holds: nothing is ever left out.
+    first.into_iter().take(kept).chain(rest).map_while(|byte| bytes.push(byte).ok()).for_each(|()| ());
     bytes
 }
 

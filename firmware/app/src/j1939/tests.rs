@@ -1,7 +1,7 @@
 //! The controller on the bus, against what others may send.
 
 use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Seen};
+use kou_estimator::{Channel, Estimate, Expected, Fault, Reason};
 use std::vec::Vec;
 
 use super::catalogue as c;
