@@ -27,12 +27,13 @@ pub enum Torn {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RamFlash<const BYTES: usize, const PAGE: usize> {
     cells: [u8; BYTES],
-    /// Bytes that may still be programmed or erased before the supply fails; nothing: it does not fail.
+    /// Bytes that may still be programmed, and stretches erased, before the supply fails; nothing: it does not fail.
     until_cut: Option<usize>,
     torn: Torn,
     is_dead: bool,
-    /// Bytes programmed and erased so far.
+    /// Bytes programmed and stretches erased so far.
     worked: usize,
+    erasures: usize,
 }
 
 /// Why the flash refuses.
@@ -69,10 +70,17 @@ impl<const BYTES: usize, const PAGE: usize> RamFlash<BYTES, PAGE> {
     /// An erased flash.
     #[must_use]
     pub const fn new() -> Self {
-        Self { cells: [0xFF; BYTES], until_cut: None, torn: Torn::Clean, is_dead: false, worked: 0 }
+        Self {
+            cells: [0xFF; BYTES],
+            until_cut: None,
+            torn: Torn::Clean,
+            is_dead: false,
+            worked: 0,
+            erasures: 0,
+        }
     }
 
-    /// The supply will fail after this many bytes more, programmed or erased.
+    /// The supply will fail after this many more bytes programmed and stretches of 64 bytes erased.
     pub fn cut_after(&mut self, bytes: usize, torn: Torn) {
         self.until_cut = Some(bytes);
         self.torn = torn;
@@ -90,7 +98,13 @@ impl<const BYTES: usize, const PAGE: usize> RamFlash<BYTES, PAGE> {
         self.is_dead
     }
 
-    /// Bytes programmed and erased so far: the number of places at which the supply can fail.
+    /// Pages erased so far.
+    #[must_use]
+    pub fn erasures(&self) -> usize {
+        self.erasures
+    }
+
+    /// Bytes programmed, and stretches of 64 bytes erased, so far: the places at which the supply can fail.
     #[must_use]
     pub fn worked(&self) -> usize {
         self.worked
@@ -165,6 +179,7 @@ impl<const BYTES: usize, const PAGE: usize> NorFlash for RamFlash<BYTES, PAGE> {
         if range.start % PAGE != 0 || range.end % PAGE != 0 {
             return Err(RamFlashError::Unaligned);
         }
+        self.erasures = self.erasures.saturating_add(range.len() / PAGE);
         for start in range.step_by(ERASE_STEP) {
             let torn = self.torn;
             let done = self.spend(1) == 1;

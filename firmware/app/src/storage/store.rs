@@ -13,7 +13,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::calibration::record::MAX_LEN;
 use sequential_storage::Error as FlashError;
 use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage};
+use sequential_storage::map::{MapConfig, MapStorage, Value};
 
 use super::record::{Copy, DecodeError, HEAD, Kind, Outgoing, Raw, Record, TAIL};
 
@@ -21,6 +21,10 @@ use super::record::{Copy, DecodeError, HEAD, Kind, Outgoing, Raw, Record, TAIL};
 pub const BUFFER_LEN: usize = (1 + HEAD + 8 + MAX_LEN + TAIL).next_multiple_of(32);
 /// Smallest flash region: all records twice, what pages leave unused, and the page that is empty in turn.
 pub const MIN_BYTES: u32 = 16 * 1024;
+
+/// How often a write is tried. A bit that is damaged where nothing was written yet makes the flash refuse to program its
+/// word; the library steps over what that leaves behind, so the next attempt goes elsewhere.
+const ATTEMPTS: u8 = 3;
 
 /// Why a region of flash cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,8 +151,7 @@ impl<F: NorFlash> Store<F> {
         let first = if last == Copy::A { Copy::B } else { Copy::A };
         for copy in [first, last] {
             let key = R::KIND.key(copy);
-            let outgoing = Outgoing { key, sequence: sequence.saturating_add(1), record };
-            self.map.store_item(&mut self.buffer.0, &key, &outgoing).await?;
+            self.put(key, &Outgoing { key, sequence: sequence.saturating_add(1), record }).await?;
         }
         Ok(())
     }
@@ -173,7 +176,7 @@ impl<F: NorFlash> Store<F> {
             let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
             let raw = raw.and_then(|raw| raw.checked(key)).ok_or(StoreError::Corrupted)?;
             let key = kind.key(to);
-            self.map.store_item(&mut self.buffer.0, &key, &Raw { key, ..raw }).await?;
+            self.put(key, &Raw { key, ..raw }).await?;
             healed.copies = healed.copies.saturating_add(1);
         }
         Ok(healed)
@@ -186,6 +189,18 @@ impl<F: NorFlash> Store<F> {
     /// When the flash refuses.
     pub async fn erase(&mut self) -> Result<(), StoreError> {
         Ok(self.map.erase_all().await?)
+    }
+
+    /// Writes one copy.
+    async fn put<'a>(&mut self, key: u8, value: &impl Value<'a>) -> Result<(), StoreError> {
+        let mut result = Err(StoreError::Flash);
+        for _ in 0..ATTEMPTS {
+            if result != Err(StoreError::Flash) {
+                break;
+            }
+            result = self.map.store_item(&mut self.buffer.0, &key, value).await.map_err(StoreError::from);
+        }
+        result
     }
 
     /// Sequence number of a copy that is whole.
