@@ -3,6 +3,7 @@
 use core::fmt::{self, Write};
 
 use super::catalogue::ALL;
+use super::node::UPDATE;
 use super::signal::{Message, Sender};
 use super::{GLOBAL, Id, NULL_ADDRESS};
 
@@ -13,12 +14,16 @@ const EXTENDED: u32 = 1 << 31;
 
 const SENDERS: [Sender; 3] = [Sender::Kou, Sender::Drive, Sender::Tool];
 
-/// Identifier under which a message stands in the file. Source addresses are claimed at run time, so the null address
-/// stands for them; tools compare the parameter group, which the attribute `VFrameFormat` = `J1939PG` tells them to do.
+/// Identifier under which a message stands in the file. The controllers' addresses are claimed at run time, so the null
+/// address stands for them; tools compare the parameter group, which the attribute `VFrameFormat` = `J1939PG` tells them
+/// to do. Command and answer of an update share a group and differ by their source.
 #[must_use]
 pub const fn file_id(message: &Message) -> u32 {
+    let is_update = message.pgn.get() == UPDATE.get();
     let (destination, source) = match message.sender {
+        Sender::Tool if is_update => (NULL_ADDRESS, TOOL_ADDRESS),
         Sender::Tool => (GLOBAL, TOOL_ADDRESS),
+        Sender::Kou if is_update => (TOOL_ADDRESS, NULL_ADDRESS),
         Sender::Kou | Sender::Drive => (GLOBAL, NULL_ADDRESS),
     };
     Id::new(message.priority, message.pgn, destination, source).raw() | EXTENDED

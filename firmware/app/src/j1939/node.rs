@@ -9,7 +9,7 @@ use kou_estimator::units::Micros;
 
 use super::catalogue::{
     ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
-    LEAKAGE, REQUEST, STATUS, VALIDITY,
+    LEAKAGE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
 };
 use super::diagnostics::{self, List};
 use super::publish::{self, CalibrationState};
@@ -19,7 +19,7 @@ use super::{Claim, Frame, GLOBAL, Id, Name, Pgn};
 use crate::faults::FaultMemory;
 
 /// Proprietary A: the calibration update's group, see `crate::update`.
-pub const UPDATE: Pgn = Pgn::new(61184);
+pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
 /// Kind of acknowledgement: the group is not sent by this controller.
 const NEGATIVE: u32 = 1;
 
@@ -140,6 +140,13 @@ impl Node {
             return Received::Update { source: id.source(), data: *data };
         }
         Received::Nothing
+    }
+
+    /// Frame of an answer of a calibration update; nothing without an address.
+    #[must_use]
+    pub fn update_answer(&self, tool: u8, answer: [u8; 8]) -> Option<Frame> {
+        let source = self.address()?;
+        Some(Frame::new(Id::new(UPDATE_ANSWER.priority, UPDATE, tool, source), answer))
     }
 
     fn asked(&mut self, now: Micros, id: &Id, wanted: Pgn) {

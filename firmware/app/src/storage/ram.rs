@@ -176,7 +176,7 @@ impl<const BYTES: usize, const PAGE: usize> NorFlash for RamFlash<BYTES, PAGE> {
         let len = usize::try_from(to.saturating_sub(from))
             .map_err(|_: core::num::TryFromIntError| RamFlashError::OutOfBounds)?;
         let range = Self::range(from, len).ok_or(RamFlashError::OutOfBounds)?;
-        if range.start % PAGE != 0 || range.end % PAGE != 0 {
+        if !range.start.is_multiple_of(PAGE) || !range.end.is_multiple_of(PAGE) {
             return Err(RamFlashError::Unaligned);
         }
         self.erasures = self.erasures.saturating_add(range.len() / PAGE);
@@ -203,7 +203,7 @@ impl<const BYTES: usize, const PAGE: usize> NorFlash for RamFlash<BYTES, PAGE> {
             return Err(RamFlashError::NoPower);
         }
         let range = Self::range(offset, bytes.len()).ok_or(RamFlashError::OutOfBounds)?;
-        if range.start % WORD != 0 || bytes.len() % WORD != 0 {
+        if !range.start.is_multiple_of(WORD) || !bytes.len().is_multiple_of(WORD) {
             return Err(RamFlashError::Unaligned);
         }
         let torn = self.torn;

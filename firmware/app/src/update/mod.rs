@@ -16,8 +16,6 @@
 pub mod mac;
 pub mod refusal;
 pub mod session;
-#[cfg(test)]
-mod tests;
 pub mod transfer;
 pub mod wire;
 

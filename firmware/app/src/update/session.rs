@@ -53,8 +53,9 @@ pub fn is_loaded(sample: &Sample, least_difference: Megapascal) -> bool {
         Ok(high) => {
             let low = sample.low_pressure.value.map_or(0.0, |low| low.get());
             let difference = high.get() - low;
-            // Written so that NaN counts as loaded.
-            !(difference < least_difference.get())
+            // NaN is not below anything, so it counts as loaded.
+            let is_unloaded = difference < least_difference.get();
+            !is_unloaded
         }
         Err(_) => !sample.pump_speed.value.is_ok_and(|n| n.get().abs() < STANDSTILL_RPM),
     }
