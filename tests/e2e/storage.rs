@@ -39,7 +39,7 @@ fn learned(version: u32) -> HealthState {
         sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
         sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
         sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
-        let _ = observe(&params, &health, &mut state, &sample);
+        observe(&params, &health, &mut state, &sample).level.get();
     }
     state
 }
@@ -148,7 +148,7 @@ fn power_cut_at_every_byte_of_every_write_leaves_the_old_or_the_new_record() {
                 kept_old += u32::from(which == 0);
                 // Power fails again while the copies are put right, and then they are put right.
                 after.flash().cut_after((cut * 7) % 900, torn);
-                let _ = heal(&mut after);
+                heal(&mut after).ok();
                 let mut flash = after.into_flash();
                 flash.power_on();
                 let mut after = store(flash);
