@@ -39,7 +39,8 @@ fn learned(version: u32) -> HealthState {
         sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
         sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
         sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
-        observe(&params, &health, &mut state, &sample).level.get();
+        let judged = observe(&params, &health, &mut state, &sample);
+        assert!(judged.level.get() > 0.0);
     }
     state
 }
