@@ -1,25 +1,24 @@
 //! The frame of a record in flash.
 //!
 //! ```text
-//! offset 0   schema    u16 LE  of this kind of record
-//!        2   sequence  u32 LE  higher is newer; both copies of a record have the same
-//!        6   body              the record's fields in postcard's wire format
-//!        6+n crc       u32 LE  CRC-32/ISO-HDLC over the key's byte and everything before it
+//! offset 0   key       u8      kind of record and which of its two copies
+//!        1   schema    u16 LE  of this kind of record
+//!        3   sequence  u32 LE  higher is newer; both copies of a record have the same
+//!        7   body              the record's fields in postcard's wire format
+//!        7+n crc       u32 LE  CRC-32/ISO-HDLC over everything before it
 //! ```
 //!
 //! Beneath it, sequential-storage keeps key, length and a CRC of its own; this one holds for the record wherever it is
 //! and whatever library wrote it.
 
-use crc::{CRC_32_ISO_HDLC, Crc};
+use kou_estimator::calibration::record::crc32;
 use sequential_storage::map::{SerializationError, Value};
 use serde::{Deserialize, Serialize};
 
 /// Bytes before the body.
-pub(super) const HEAD: usize = 6;
+pub(super) const HEAD: usize = 7;
 /// Bytes behind the body.
 pub(super) const TAIL: usize = 4;
-
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// A kind of record. The number is the key in flash: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,18 +76,11 @@ pub(super) struct Outgoing<'r, R> {
 /// A record as it came out of flash: frame checked, body not yet understood.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Raw<'a> {
+    /// Key under which it was written.
+    pub key: u8,
     pub schema: u16,
     pub sequence: u32,
     pub body: &'a [u8],
-    /// Key by which it was read: the CRC of a copy under another key is another.
-    pub key: u8,
-}
-
-fn crc_of(key: u8, bytes: &[u8]) -> [u8; TAIL] {
-    let mut digest = CRC.digest();
-    digest.update(&[key]);
-    digest.update(bytes);
-    digest.finalize().to_le_bytes()
 }
 
 /// Writes a frame; `fill` writes the body and says how long it is.
@@ -102,11 +94,11 @@ fn write_frame(
     let (head, rest) = buffer.split_first_chunk_mut::<HEAD>()?;
     let [s0, s1] = schema.to_le_bytes();
     let [q0, q1, q2, q3] = sequence.to_le_bytes();
-    *head = [s0, s1, q0, q1, q2, q3];
+    *head = [key, s0, s1, q0, q1, q2, q3];
     let room = rest.len().checked_sub(TAIL)?;
     let len = fill(rest.get_mut(..room)?)?;
     let covered = HEAD.saturating_add(len);
-    let crc = crc_of(key, buffer.get(..covered)?);
+    let crc = crc32(buffer.get(..covered)?).to_le_bytes();
     *buffer.get_mut(covered..)?.first_chunk_mut::<TAIL>()? = crc;
     Some(covered.saturating_add(TAIL))
 }
@@ -133,33 +125,27 @@ impl<'a> Value<'a> for Raw<'a> {
         .ok_or(SerializationError::BufferTooSmall)
     }
 
-    /// The key is not among the bytes, so the CRC is checked by [`Raw::checked`].
     fn deserialize_from(bytes: &'a [u8]) -> Result<(Self, usize), SerializationError> {
-        let parse = || {
-            let (schema, rest) = bytes.split_first_chunk::<2>()?;
-            let (sequence, rest) = rest.split_first_chunk::<4>()?;
-            // The CRC stays behind the body until it is checked.
-            Some(Self {
-                schema: u16::from_le_bytes(*schema),
-                sequence: u32::from_le_bytes(*sequence),
-                body: rest,
-                key: 0,
-            })
-        };
-        parse().map(|raw| (raw, bytes.len())).ok_or(SerializationError::InvalidFormat)
+        Self::parse(bytes).map(|raw| (raw, bytes.len())).ok_or(SerializationError::InvalidFormat)
     }
 }
 
 impl<'a> Raw<'a> {
-    /// The record without its CRC, when that is right for this key.
-    pub(super) fn checked(self, key: u8) -> Option<Self> {
-        let (body, crc) = self.body.split_last_chunk::<TAIL>()?;
-        let [s0, s1] = self.schema.to_le_bytes();
-        let [q0, q1, q2, q3] = self.sequence.to_le_bytes();
-        let mut digest = CRC.digest();
-        digest.update(&[key, s0, s1, q0, q1, q2, q3]);
-        digest.update(body);
-        (digest.finalize().to_le_bytes() == *crc).then_some(Self { body, key, ..self })
+    /// The frame in these bytes; nothing when it is too short or its CRC does not match.
+    fn parse(bytes: &'a [u8]) -> Option<Self> {
+        let (covered, crc) = bytes.split_last_chunk::<TAIL>()?;
+        let (&[key, s0, s1, q0, q1, q2, q3], body) = covered.split_first_chunk::<HEAD>()?;
+        (crc32(covered).to_le_bytes() == *crc).then_some(Self {
+            key,
+            schema: u16::from_le_bytes([s0, s1]),
+            sequence: u32::from_le_bytes([q0, q1, q2, q3]),
+            body,
+        })
+    }
+
+    /// The record, when it was written under this key.
+    pub(super) fn under(self, key: u8) -> Option<Self> {
+        (self.key == key).then_some(self)
     }
 
     /// What the body says.

@@ -133,7 +133,7 @@ impl<F: NorFlash> Store<F> {
         let key = R::KIND.key(newest);
         let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
         // It was whole a moment ago; if it is not now, the flash is failing.
-        let raw = raw.and_then(|raw| raw.checked(key)).ok_or(StoreError::Corrupted)?;
+        let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
         raw.decode().map(Some).map_err(|error| match error {
             DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
             DecodeError::Body => StoreError::Body(R::KIND),
@@ -174,7 +174,7 @@ impl<F: NorFlash> Store<F> {
             };
             let key = kind.key(from);
             let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
-            let raw = raw.and_then(|raw| raw.checked(key)).ok_or(StoreError::Corrupted)?;
+            let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
             let key = kind.key(to);
             self.put(key, &Raw { key, ..raw }).await?;
             healed.copies = healed.copies.saturating_add(1);
@@ -207,8 +207,8 @@ impl<F: NorFlash> Store<F> {
     async fn sequence(&mut self, key: u8) -> Result<Option<u32>, StoreError> {
         let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await;
         match raw {
-            Ok(raw) => Ok(raw.and_then(|raw| raw.checked(key)).map(|raw| raw.sequence)),
-            // Too short for a frame: damaged, whatever the library thinks of it.
+            Ok(raw) => Ok(raw.and_then(|raw| raw.under(key)).map(|raw| raw.sequence)),
+            // No frame, or a damaged one, whatever the library thinks of it.
             Err(FlashError::SerializationError(_)) => Ok(None),
             Err(error) => Err(error.into()),
         }
