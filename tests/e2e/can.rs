@@ -560,3 +560,27 @@ fn val_cantools_decodes_every_frame_to_what_the_firmware_meant() {
     assert!(text.contains(&format!("{count} frames agree")), "{text}");
     assert!(count > 5000);
 }
+
+#[test]
+fn every_trouble_code_group_and_refusal_is_documented() {
+    let read = |name: &str| std::fs::read_to_string(workspace().join("docs").join(name)).unwrap();
+    let (can, update) = (read("can.md"), read("calibration-update.md"));
+    for code in Code::all() {
+        let Dtc { spn, fmi } = code.dtc();
+        match code {
+            Code::Sensor(channel, fault) => {
+                assert!(can.contains(&format!("| {spn} |\n")), "{channel:?}");
+                assert!(can.contains(&format!("| {} | {fmi} |", fault.name())), "{fault:?}");
+            }
+            Code::UpdateRefused(why) => {
+                let row = format!("| {} | {} |", spn - 520_208, why.name());
+                assert!(update.contains(&row), "{row}");
+            }
+            _ => assert!(can.contains(&format!("| {spn} | {fmi} |")), "{code:?}"),
+        }
+    }
+    for message in c::ALL {
+        let is_named = can.contains(&message.pgn.get().to_string());
+        assert!(is_named, "{}", message.name);
+    }
+}
