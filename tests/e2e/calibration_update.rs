@@ -1,8 +1,10 @@
 //! Calibration update over CAN: what is taken, what is refused by name, and that nothing else gets through.
 
 use embassy_futures::block_on;
+use host_sim::update::{Addresses, candump, frames};
 use kou_app::faults::{Code, FaultMemory, Snapshot};
 use kou_app::j1939::CalibrationSource;
+use kou_app::j1939::node::UPDATE;
 use kou_app::storage::{MIN_BYTES, RamFlash, Store, StoredCalibration, load};
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{
@@ -173,6 +175,25 @@ fn an_update_is_checked_stored_and_live_and_survives_a_restart() {
     // From now on the controller belongs to the machine of this serial number.
     assert_eq!(controller.machine.as_ref().unwrap().serial, "e2e-1");
     assert!(controller.faults.entries().is_empty());
+}
+
+#[test]
+fn frames_of_the_pc_tool_are_taken() {
+    let mut random = Random(1);
+    let key = Key::new(std::array::from_fn(|_| random.bits() as u8));
+    let mut controller = Controller::new(TestKey::new(1));
+    let addresses = Addresses { controller: 0x27, tool: TOOL };
+    let frames = frames(&changed(0.001), 3, &key, addresses).unwrap();
+    let mut last = None;
+    for frame in &frames {
+        assert_eq!((frame.id().pgn(), frame.id().destination(), frame.id().source()), (UPDATE, 0x27, TOOL));
+        last = controller.take(TOOL, frame.data().try_into().unwrap());
+    }
+    assert!(matches!(last, Some(Answer::Committed { .. })), "{last:?}");
+    assert_eq!(controller.counter, 3);
+    let log = candump(&frames, 20);
+    assert!(log.starts_with("(0.000000) can0 1CEF27F9#0101"), "{log}");
+    assert_eq!(log.lines().count(), frames.len());
 }
 
 #[test]

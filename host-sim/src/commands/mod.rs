@@ -12,6 +12,7 @@ pub mod report;
 pub mod simulate;
 pub mod step;
 pub mod synth;
+pub mod update;
 pub mod verify;
 
 use std::process::ExitCode;
