@@ -92,7 +92,7 @@ mod tests {
         let digits: String = raw.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(file("raw", &raw).unwrap(), Key::new(raw));
         assert_eq!(file("hex", format!("{digits}\n").as_bytes()).unwrap(), Key::new(raw));
-        for wrong in [&raw[..31], digits[1..].as_bytes(), b"", "g".repeat(64).as_bytes()] {
+        for wrong in [&raw[..31], &digits.as_bytes()[1..], b"", "g".repeat(64).as_bytes()] {
             let error = file("wrong", wrong).unwrap_err().to_string();
             assert!(error.contains("32 bytes"), "{error}");
         }
