@@ -27,7 +27,8 @@ pub struct Live {
 pub struct Loaded {
     /// The calibration to use; nothing when there is no good one at all.
     pub live: Option<Live>,
-    /// Counter of the last accepted update.
+    /// Counter of the last accepted update. Where it cannot be read it is the largest there is: no update is taken then,
+    /// because any could be an old one, until the workshop erases the storage.
     pub counter: u32,
     /// The trouble to be reported, if any.
     pub trouble: Option<Code>,
@@ -62,8 +63,8 @@ pub async fn load<F: NorFlash>(store: &mut Store<F>, default: Option<&[u8]>) -> 
             None => Loaded { live: default(), counter, trouble: Some(Code::CalibrationLost) },
         },
         Err(StoreError::Schema { .. } | StoreError::Body(_)) => {
-            Loaded { live: default(), counter: 0, trouble: Some(Code::CalibrationLost) }
+            Loaded { live: default(), counter: u32::MAX, trouble: Some(Code::CalibrationLost) }
         }
-        Err(_) => Loaded { live: default(), counter: 0, trouble: Some(Code::StorageFailed) },
+        Err(_) => Loaded { live: default(), counter: u32::MAX, trouble: Some(Code::StorageFailed) },
     }
 }
