@@ -5,7 +5,7 @@ use host_sim::update::{Addresses, candump, frames};
 use kou_app::faults::{Code, FaultMemory, Snapshot};
 use kou_app::j1939::CalibrationSource;
 use kou_app::j1939::node::UPDATE;
-use kou_app::storage::{MIN_BYTES, RamFlash, Store, StoredCalibration, load};
+use kou_app::storage::{Kind, MIN_BYTES, RamFlash, Record, Store, StoredCalibration, load};
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{
     Guard, Key, KeySource, Machine, NoKey, Outcome, Refusal, Session, Todo, Transfer, is_loaded, mac,
@@ -294,6 +294,40 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     // After all of it, the good one is still taken.
     assert!(matches!(controller.send(commands), Some(Answer::Committed { .. })));
     assert_eq!(controller.counter, 6);
+}
+
+/// The calibration's record as another version might lay it out.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Foreign(u8);
+
+impl Record<'_> for Foreign {
+    const KIND: Kind = Kind::Calibration;
+    const SCHEMA: u16 = 99;
+}
+
+#[test]
+fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unreadable_counter_takes_no_update() {
+    let key = TestKey::new(1);
+    // Of a calibration schema that this version does not read: the counter is kept, the default is used.
+    let mut controller = Controller::new(TestKey::new(1));
+    let mut old = record_of(&changed(0.001));
+    old[4] = 1;
+    block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
+    let loaded = block_on(load(&mut controller.store, Some(&controller.default)));
+    assert_eq!((loaded.counter, loaded.trouble), (8, Some(Code::CalibrationLost)));
+    assert_eq!(controller.start(), CalibrationSource::Default);
+    controller.refuses(transfer(&old, 9, &key).commands(), Refusal::Record);
+    // Of a layout that it does not read at all: any update could be an old one.
+    block_on(controller.store.write(&Foreign(1))).unwrap();
+    assert_eq!(controller.start(), CalibrationSource::Default);
+    controller.refuses(transfer(&old, u32::MAX, &key).commands(), Refusal::OldCounter);
+    // The workshop's way back to the default: the counter stays.
+    block_on(controller.store.erase()).unwrap();
+    block_on(controller.store.write(&StoredCalibration { counter: 8, record: &[] })).unwrap();
+    let loaded = block_on(load(&mut controller.store, Some(&controller.default)));
+    assert_eq!((loaded.counter, loaded.trouble), (8, None));
+    // Nothing at all: nothing to estimate with, and said so by its absence.
+    assert!(block_on(load(&mut controller.store, None)).live.is_none());
 }
 
 #[test]

@@ -177,21 +177,12 @@ fn power_cut_at_every_byte_of_every_write_leaves_the_old_or_the_new_record() {
     assert!(kept_old > cuts / 4 && kept_old < cuts * 3 / 4, "both outcomes occur: {kept_old} of {cuts}");
 }
 
-#[test]
-fn every_damaged_bit_is_corrected() {
-    let versions: Vec<Records> = (0..2).map(version).collect();
-    let [old, new] = [&versions[0], &versions[1]];
-    let mut whole = store(Flash::new());
-    // An older record of each kind lies beneath the newest: it must never come back.
-    for records in [old, new] {
-        for part in PARTS {
-            write(&mut whole, part, records).unwrap();
-        }
-    }
-    let whole = whole.into_flash();
+/// Flips one bit after the other, every `stride`th; the number of them.
+fn damage(whole: &Flash, [old, new]: [&Records; 2], stride: usize) -> (usize, u32) {
     let used = whole.clone().cells().iter().rposition(|byte| *byte != 0xFF).unwrap() + 64;
+    let bits = (0..8 * used.min(MIN_BYTES as usize)).step_by(stride);
     let mut healed = 0_u32;
-    for bit in 0..8 * used {
+    for bit in bits.clone() {
         let mut flash = whole.clone();
         flash.cells()[bit / 8] ^= 1 << (bit % 8);
         let mut damaged = store(flash);
@@ -207,6 +198,30 @@ fn every_damaged_bit_is_corrected() {
             }
         }
     }
-    println!("{} bits, {healed} copies written anew", 8 * used);
+    (bits.len(), healed)
+}
+
+#[test]
+fn every_damaged_bit_is_corrected() {
+    let versions: Vec<Records> = (0..2).map(version).collect();
+    let [old, new] = [&versions[0], &versions[1]];
+    let mut whole = store(Flash::new());
+    // An older record of each kind lies beneath the newest: it must never come back.
+    for records in [old, new] {
+        for part in PARTS {
+            write(&mut whole, part, records).unwrap();
+        }
+    }
+    let (bits, healed) = damage(&whole.into_flash(), [old, new], 1);
+    println!("{bits} bits, {healed} copies written anew");
+    assert!(healed > 0);
+    // Where pages have been moved and erased, records lie in all of them, with older ones between.
+    let mut moved = store(Flash::new());
+    for (i, part) in PARTS.into_iter().cycle().take(103).enumerate() {
+        write(&mut moved, part, if i < 99 { old } else { new }).unwrap();
+    }
+    assert!(moved.flash().erasures() > 8);
+    let (bits, healed) = damage(&moved.into_flash(), [old, new], 1);
+    println!("{bits} bits where pages were moved, {healed} copies written anew");
     assert!(healed > 0);
 }
