@@ -16,6 +16,12 @@ use crate::sensors::set::CHANNELS;
 pub const HEAD: usize = 2;
 /// Longest message of either side, with its length.
 pub const MAX_LEN: usize = 1024;
+/// Frames of either direction in a millisecond: at 250 kbit/s a bus carries some two.
+pub const MAX_CAN: usize = 8;
+
+/// A CAN frame: identifier of 29 bits and data.
+pub type CanFrame = (u32, Vec<u8, 8>);
+
 /// Longest calibration record that the first message may carry.
 pub const MAX_RECORD: usize = kou_estimator::calibration::record::MAX_LEN;
 
@@ -37,6 +43,8 @@ pub struct ToHost {
     pub stack_bytes: u32,
     /// Turns in which the watchdog was fed.
     pub fed: u32,
+    /// Frames that were sent on the CAN bus.
+    pub can: Vec<CanFrame, MAX_CAN>,
 }
 
 /// What the host may ask for besides.
@@ -59,6 +67,8 @@ pub struct FromHost {
     pub pump: Vec<u32, MAX_EDGES>,
     /// Stamps of the motor's edges.
     pub motor: Vec<u32, MAX_EDGES>,
+    /// Frames that came on the CAN bus.
+    pub can: Vec<CanFrame, MAX_CAN>,
     /// What to do.
     pub order: Order,
 }

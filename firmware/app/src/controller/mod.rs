@@ -1,7 +1,7 @@
 //! The controller: sensors in, estimates out, by tasks of fixed period and priority, watched over.
 //!
 //! ```text
-//!            1 kHz            100 Hz                10 Hz
+//!            1 kHz            100 Hz               100 Hz
 //! front end --> sample --sample--> estimate --estimate--> publish --> CAN
 //!                                  ^    \
 //!             calibration ---------/     `--estimate--> store (1 Hz) --> flash
@@ -13,7 +13,7 @@
 //! |---|---|---|---|---|
 //! | [`run_sample`] | 1 ms | highest | 1 ms | 20 ms |
 //! | [`run_estimate`] | 10 ms | high | 10 ms | 100 ms |
-//! | [`run_publish`] | 100 ms | low | 100 ms | 1 s |
+//! | [`run_publish`] | 10 ms | low | 10 ms | 1 s |
 //! | [`run_store`] | 1 s | low | 1 s | 10 s |
 //! | [`run_supervise`] | 50 ms | low | 50 ms | the watchdog's time |
 //!
@@ -25,6 +25,7 @@
 //! estimate is told as invalid with its reason ([`Controller::output`]), and silence on the bus is at most as long as
 //! the watchdog's time.
 
+mod bus;
 mod estimate;
 pub mod note;
 mod pace;
@@ -36,6 +37,7 @@ mod supervise;
 mod tests;
 mod vital;
 
+pub use bus::{Bus, CanPort};
 pub use estimate::run_estimate;
 pub use pace::Pace;
 pub use publish::{Publish, run_publish};
@@ -59,7 +61,7 @@ pub const SAMPLE_PERIOD: Duration = Duration::from_millis(1);
 /// Period of [`run_estimate`].
 pub const ESTIMATE_PERIOD: Duration = Duration::from_millis(10);
 /// Period of [`run_publish`].
-pub const PUBLISH_PERIOD: Duration = Duration::from_millis(100);
+pub const PUBLISH_PERIOD: Duration = Duration::from_millis(10);
 /// Period of [`run_store`].
 pub const STORE_PERIOD: Duration = Duration::from_secs(1);
 /// Period of [`run_supervise`].

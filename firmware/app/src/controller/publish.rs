@@ -2,6 +2,7 @@
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
+use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 
 use super::{Controller, NoEstimate, PUBLISH_PERIOD, Pace, now};
@@ -11,7 +12,12 @@ use super::{Controller, NoEstimate, PUBLISH_PERIOD, Pace, now};
 pub trait Publish {
     /// Tells the estimate, or why there is none, and the sample, where there is one. Must not wait longer than a period:
     /// what a bus does not take by then is dropped and counted by the implementor.
-    async fn publish(&mut self, estimate: &Result<Estimate, NoEstimate>, sample: Option<&Sample>);
+    async fn publish(
+        &mut self,
+        now: Micros,
+        estimate: &Result<Estimate, NoEstimate>,
+        sample: Option<&Sample>,
+    );
 }
 
 /// Publishes for ever.
@@ -23,7 +29,8 @@ pub async fn run_publish<M: RawMutex>(
     let mut pace = Pace::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
     loop {
         pace.turn().await;
-        let estimate = controller.output(now());
-        to.publish(&estimate, controller.sample().as_ref()).await;
+        let now = now();
+        let estimate = controller.output(now);
+        to.publish(now, &estimate, controller.sample().as_ref()).await;
     }
 }

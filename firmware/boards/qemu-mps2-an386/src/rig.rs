@@ -8,9 +8,10 @@ use core::cell::RefCell;
 
 use critical_section::Mutex;
 use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
-use heapless::Vec;
-use kou_app::controller::{EdgeTimer, Task, Watchdog};
-use kou_app::rig::{FromHost, MAX_LEN, Order, ToHost, pack, unpack};
+use heapless::{Deque, Vec};
+use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
+use kou_app::j1939::{Frame, Id};
+use kou_app::rig::{CanFrame, FromHost, MAX_LEN, Order, ToHost, pack, unpack};
 use kou_app::sensors::pickup::Edges;
 use kou_app::sensors::set::CHANNELS;
 use semihosting::fs::File;
@@ -23,6 +24,40 @@ use crate::line::{REQUESTS, RESPONSES};
 type Transactions = Vec<([u8; 3], [u8; 3]), CHANNELS>;
 
 static TRANSACTIONS: Mutex<RefCell<Transactions>> = Mutex::new(RefCell::new(Vec::new()));
+
+/// Frames that a CAN controller's queues hold.
+const CAN_QUEUE: usize = 16;
+static SENT: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+static COME: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+
+/// The CAN controller, whose bus the host emulates.
+pub struct Can(());
+
+impl Can {
+    /// The controller.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(())
+    }
+}
+
+impl Default for Can {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl CanPort for Can {
+    fn receive(&mut self) -> Option<Frame> {
+        let (id, data) = critical_section::with(|cs| COME.borrow_ref_mut(cs).pop_front())?;
+        Frame::of(Id::from_raw(id), &data)
+    }
+
+    fn send(&mut self, frame: &Frame) -> bool {
+        let Ok(data) = Vec::from_slice(frame.data()) else { return false };
+        critical_section::with(|cs| SENT.borrow_ref_mut(cs).push_back((frame.id().raw(), data))).is_ok()
+    }
+}
 
 /// The line to the host.
 pub struct Line {
@@ -74,8 +109,19 @@ impl<F: FnMut(&mut ToHost)> Timer<F> {
             vitals: None,
             stack_bytes: 0,
             fed: 0,
+            can: Vec::new(),
         };
         (self.tell)(&mut message);
+        critical_section::with(|cs| {
+            let mut sent = SENT.borrow_ref_mut(cs);
+            while let Some(frame) = sent.pop_front() {
+                if let Err(frame) = message.can.push(frame) {
+                    // There is room again: it was taken from there.
+                    sent.push_front(frame).ok();
+                    break;
+                }
+            }
+        });
         let mut buffer = [0; MAX_LEN];
         self.line.to_host.write_all(pack(&message, &mut buffer)?).ok()?;
         unpack(self.line.receive(&mut buffer)?).map(|(answer, _)| answer)
@@ -93,6 +139,11 @@ impl<F: FnMut(&mut ToHost)> EdgeTimer for Timer<F> {
             let mut transactions = TRANSACTIONS.borrow_ref_mut(cs);
             transactions.clear();
             transactions.extend(self.asks.iter().copied().zip(answer.spi.iter().copied()));
+            let mut come = COME.borrow_ref_mut(cs);
+            for frame in answer.can {
+                // A full queue loses the newest, as a CAN controller's does.
+                come.push_back(frame).ok();
+            }
         });
         for (edges, stamps) in [(pump, &answer.pump), (motor, &answer.motor)] {
             for &stamp in stamps {

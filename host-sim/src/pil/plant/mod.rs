@@ -9,6 +9,7 @@
 //! Time goes by milliseconds, in lockstep: the firmware's millisecond ends when the host has answered it. Everything random
 //! comes from the scenario's seed, so the same scenario gives the same bits.
 
+mod bus;
 mod parts;
 mod rig;
 mod scenario;
@@ -25,6 +26,7 @@ use serde::Serialize;
 use crate::input::InputError;
 use crate::machine::Machine;
 
+pub use bus::{Bus, Traffic};
 pub use parts::Parts;
 pub use rig::Rig;
 pub use scenario::{Command, Kind, Scenario, Sensor};
@@ -67,6 +69,8 @@ pub struct LoopReport {
     pub outputs_crc32: u32,
     /// What was expected and what came.
     pub findings: Vec<Finding>,
+    /// What was on the bus.
+    pub bus: Traffic,
     /// Missed deadlines of all tasks.
     pub missed_deadlines: u64,
     /// Longest lateness of any task, us.
@@ -96,6 +100,7 @@ pub fn run(
     let mut vehicle = Vehicle::new(machine, calibration, scenario)?;
     let mut parts = Parts::new(scenario);
     let mut verdict = Verdict::new(scenario);
+    let mut bus = Bus::new(scenario);
     let mut rig = Rig::start(options, record)?;
     let begin = Instant::now();
     let mut last: Option<([VitalsRead; 5], u32)> = None;
@@ -117,6 +122,7 @@ pub fn run(
             count: signals.count,
             pump: signals.pump,
             motor: signals.motor,
+            can: bus.millisecond(time_s, &asked.can),
             order: Order::Run,
         })?;
         if ms.is_multiple_of(1000) {
@@ -137,6 +143,7 @@ pub fn run(
         outputs_crc32: verdict.crc32(),
         passed: missed_deadlines == 0 && findings.iter().all(|finding| finding.met),
         findings,
+        bus: bus.traffic(),
         missed_deadlines,
         latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
         longest_us: vitals.map(|vital| vital.longest_us),

@@ -113,6 +113,7 @@ impl Rig {
             count: 0,
             pump: heapless::Vec::new(),
             motor: heapless::Vec::new(),
+            can: heapless::Vec::new(),
             order: Order::Stop,
         })?;
         match self.qemu.wait(self.timeout)? {

@@ -98,6 +98,18 @@ pub struct Failure {
     pub size: f64,
 }
 
+/// Others that flood the CAN bus with random frames.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Babble {
+    /// From then, s.
+    pub from_s: f64,
+    /// Until then, s.
+    pub until_s: f64,
+    /// Frames per millisecond, 8 at most; 250 kbit/s carry two.
+    pub frames_per_ms: u32,
+}
+
 /// What the estimates must be over a time.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -141,6 +153,8 @@ struct File {
     #[serde(default)]
     failure: Vec<Failure>,
     #[serde(default)]
+    babble: Vec<Babble>,
+    #[serde(default)]
     expect: Vec<Expect>,
 }
 
@@ -159,6 +173,8 @@ pub struct Scenario {
     pub at: Vec<Command>,
     /// Failures.
     pub failures: Vec<Failure>,
+    /// Floods of the bus.
+    pub babble: Vec<Babble>,
     /// Expectations.
     pub expects: Vec<Expect>,
 }
@@ -210,6 +226,9 @@ impl Scenario {
         for failure in &raw.failure {
             span("failure", failure.from_s, failure.until_s)?;
         }
+        for babble in &raw.babble {
+            span("babble", babble.from_s, babble.until_s)?;
+        }
         for expect in &raw.expect {
             span("expect", expect.from_s + expect.after_s, expect.until_s)?;
         }
@@ -220,6 +239,7 @@ impl Scenario {
             duration_s: raw.duration_s,
             at: raw.at,
             failures: raw.failure,
+            babble: raw.babble,
             expects: raw.expect,
         })
     }

@@ -13,21 +13,26 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Controller, NoEstimate, Publish, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
+    Bus, Controller, NoEstimate, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
     run_supervise,
 };
+use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::rig::{MAX_LEN, ToHost};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
 use kou_estimator::calibration::record;
 use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Params, Sample};
+use kou_estimator::{Estimate, Params};
 use kou_qemu_mps2_an386::exit::Exit;
-use kou_qemu_mps2_an386::rig::{Dog, Line, Spi, Timer};
+use kou_qemu_mps2_an386::rig::{Can, Dog, Line, Spi, Timer};
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
 
 static CONTROLLER: Controller<CriticalSectionRawMutex> = Controller::new();
 static FED: AtomicU32 = AtomicU32::new(0);
+
+/// Serial number and preferred address on the bus.
+const SERIAL: u32 = 1;
+const ADDRESS: u8 = 0x8C;
 
 /// Turns of the sampling task between two outputs, and between two looks at the tasks.
 const OUTPUT_TURNS: u32 = 10;
@@ -47,7 +52,8 @@ async fn estimate(start: Instant) {
 
 #[embassy_executor::task]
 async fn publish(start: Instant) {
-    run_publish(&CONTROLLER, start, &mut Nobody).await
+    let Ok(name) = Name::new(&NameConfig::transmission(SERIAL)) else { Exit::Spawn.now() };
+    run_publish(&CONTROLLER, start, &mut Bus::new(Can::new(), Node::new(name, ADDRESS))).await
 }
 
 #[embassy_executor::task]
@@ -60,12 +66,8 @@ async fn supervise(start: Instant) {
     run_supervise(&CONTROLLER, start, &mut Dog::new(&FED)).await
 }
 
-/// Neither bus nor flash yet: the host is told in the exchange.
+/// No flash yet.
 struct Nobody;
-
-impl Publish for Nobody {
-    async fn publish(&mut self, _: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {}
-}
 
 impl Store for Nobody {
     async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {}
