@@ -70,6 +70,9 @@ fn shipped(name: &str) -> LoopReport {
     let [sample, estimate, publish, store, supervise] = report.turns;
     assert_eq!([estimate, publish, store], [sample / 10, sample / 10, sample / 1000], "{report:?}");
     assert_eq!(supervise, sample / 50);
+    // On the bus from its first turn, and never silent for longer than its slowest message and a lost address take.
+    assert!(report.bus.first_ms.is_some_and(|ms| ms <= 20), "{:?}", report.bus);
+    assert!(report.bus.longest_silence_ms <= 1_500, "{:?}", report.bus);
     report
 }
 
@@ -106,6 +109,7 @@ scenarios! {
     qemu_loop_oil_fails: "oil-fails.toml",
     qemu_loop_swash_fails: "swash-fails.toml",
     qemu_loop_pump_pickup_fails: "pump-pickup-fails.toml",
+    qemu_loop_can_babble_and_silence: "can.toml",
     qemu_loop_motor_pickup_fails: "motor-pickup-fails.toml",
 }
 

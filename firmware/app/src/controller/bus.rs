@@ -63,10 +63,14 @@ impl<P: CanPort> Bus<P> {
         self.dropped
     }
 
-    /// The driver.
-    #[must_use]
-    pub const fn port(&self) -> &P {
+    #[cfg(test)]
+    pub(super) const fn port(&self) -> &P {
         &self.port
+    }
+
+    #[cfg(test)]
+    pub(super) const fn port_mut(&mut self) -> &mut P {
+        &mut self.port
     }
 
     fn remember(&mut self, now: Micros, sample: Option<&Sample>) {

@@ -16,6 +16,8 @@ use proptest::prelude::*;
 
 use super::note::{self, Kind};
 use super::*;
+use crate::faults::Code;
+use crate::j1939::{Frame, Id, Name, NameConfig, Node};
 use crate::sensors::adc::{Counts, Input, NoCounts};
 use crate::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use crate::sensors::wiring;
@@ -243,6 +245,90 @@ fn a_sampling_task_that_stops_makes_the_estimates_stale_and_a_stopped_estimate_i
     );
     assert!(world.controller.output(Micros(101_000)).is_ok());
     assert_eq!(world.controller.output(Micros(101_001)), Err(NoEstimate::Late));
+}
+
+/// A bus in memory: what comes, what was sent, and how many more frames there is room for.
+struct Line {
+    come: Vec<Frame>,
+    sent: Vec<Frame>,
+    room: usize,
+}
+
+impl CanPort for Line {
+    fn receive(&mut self) -> Option<Frame> {
+        self.come.pop()
+    }
+
+    fn send(&mut self, frame: &Frame) -> bool {
+        if self.sent.len() >= self.room {
+            return false;
+        }
+        self.sent.push(*frame);
+        true
+    }
+}
+
+fn bus(room: usize) -> Bus<Line> {
+    let name = Name::new(&NameConfig::transmission(1)).unwrap();
+    Bus::new(Line { come: Vec::new(), sent: Vec::new(), room }, Node::new(name, 0x8C))
+}
+
+fn turn(bus: &mut Bus<Line>, ms: u64, sample: Option<&Sample>) {
+    let none = Err(NoEstimate::NoCalibration);
+    embassy_futures::block_on(bus.publish(Micros(ms * 1000), &none, sample));
+}
+
+#[test]
+fn on_the_bus_it_claims_its_address_and_then_tells_also_that_it_has_nothing_to_tell() {
+    let mut bus = bus(usize::MAX);
+    for ms in (0..3_000).step_by(10) {
+        turn(&mut bus, ms, None);
+    }
+    let sent = &bus.port().sent;
+    assert_eq!(sent.first().map(|frame| frame.id().pgn().get()), Some(60928), "address claimed");
+    assert!(sent.len() > 30 && sent.iter().all(|frame| frame.id().source() == 0x8C), "{}", sent.len());
+}
+
+#[test]
+fn a_failed_sensor_is_an_active_trouble_until_it_heals_and_then_a_previous_one() {
+    let mut bus = bus(usize::MAX);
+    let mut sample = Sample::empty(Micros(0));
+    sample.pump_speed = kou_estimator::Reading::failed(Micros(0), Fault::Open);
+    turn(&mut bus, 0, Some(&sample));
+    let code = Code::Sensor(kou_estimator::Channel::PumpSpeed, Fault::Open);
+    assert!(bus.faults().active().any(|entry| entry.code() == Some(code)));
+    sample.pump_speed = kou_estimator::Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
+    turn(&mut bus, 10, Some(&sample));
+    assert!(bus.faults().active().all(|entry| entry.code() != Some(code)));
+    assert!(bus.faults().previous().any(|entry| entry.code() == Some(code)));
+}
+
+#[test]
+fn a_silent_bus_is_a_trouble_after_five_seconds_and_one_frame_heals_it() {
+    let mut bus = bus(usize::MAX);
+    let is_active = |bus: &Bus<Line>| bus.faults().active().any(|e| e.code() == Some(Code::BusSilent));
+    for ms in (0..=5_000).step_by(10) {
+        turn(&mut bus, ms, None);
+        assert!(!is_active(&bus), "{ms}");
+    }
+    turn(&mut bus, 5_010, None);
+    assert!(is_active(&bus));
+    bus.port_mut().come.push(Frame::new(Id::from_raw(0x0CF0_0203), [0xFF; 8]));
+    turn(&mut bus, 5_020, None);
+    assert!(!is_active(&bus));
+}
+
+#[test]
+fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn() {
+    let mut bus = bus(1);
+    bus.port_mut().come = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];
+    for ms in (0..1_000).step_by(10) {
+        let before = bus.port().come.len();
+        turn(&mut bus, ms, None);
+        assert!(before - bus.port().come.len() <= 32);
+    }
+    assert_eq!(bus.port().sent.len(), 1);
+    assert!(bus.dropped() > 0);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`can`] | the CAN bus |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
 //! | [`keeper`] | watchdog, reset cause, the note across a reset, panics and hard faults |
@@ -11,6 +12,7 @@
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod can;
 mod clocks;
 mod keeper;
 mod pickups;
@@ -27,12 +29,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Controller, NoEstimate, Publish, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
+    Bus, Controller, NoEstimate, Publish, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
     run_supervise,
 };
+use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
+use kou_estimator::calibration::record::crc32;
+use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 
 use crate::keeper::Keeper;
@@ -44,6 +49,8 @@ bind_interrupts!(struct Irqs {
     DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
     TIM2 => pickups::Handler;
+    FDCAN1_IT0 => embassy_stm32::can::IT0InterruptHandler<peripherals::FDCAN1>;
+    FDCAN1_IT1 => embassy_stm32::can::IT1InterruptHandler<peripherals::FDCAN1>;
 });
 
 /// Tasks of three priorities share it.
@@ -89,8 +96,9 @@ async fn estimate(start: Instant) {
 }
 
 #[embassy_executor::task]
-async fn publish(start: Instant) {
-    run_publish(&CONTROLLER, start, &mut Log { before: None }).await
+async fn publish(start: Instant, node: Node, port: can::Port) {
+    let mut to = Told { bus: Bus::new(port, node), was_valid: None };
+    run_publish(&CONTROLLER, start, &mut to).await
 }
 
 #[embassy_executor::task]
@@ -103,16 +111,23 @@ async fn supervise(start: Instant, mut keeper: Keeper) {
     run_supervise(&CONTROLLER, start, &mut keeper).await
 }
 
-/// Tells the log when the estimates become valid and when they cease to be.
-struct Log {
-    before: Option<bool>,
+/// Tells the bus, and the log when the estimates become valid and when they cease to be.
+struct Told {
+    bus: Bus<can::Port>,
+    was_valid: Option<bool>,
 }
 
-impl Publish for Log {
-    async fn publish(&mut self, estimate: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {
+impl Publish for Told {
+    async fn publish(
+        &mut self,
+        now: Micros,
+        estimate: &Result<Estimate, NoEstimate>,
+        sample: Option<&Sample>,
+    ) {
+        self.bus.publish(now, estimate, sample).await;
         let valid = estimate.is_ok_and(|estimate| estimate.seen.is_ok());
-        if self.before != Some(valid) {
-            self.before = Some(valid);
+        if self.was_valid != Some(valid) {
+            self.was_valid = Some(valid);
             defmt::info!("estimates valid: {=bool}; {}", valid, estimate);
         }
     }
@@ -122,6 +137,14 @@ struct Nowhere;
 
 impl Store for Nowhere {
     async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {}
+}
+
+/// Preferred address on the bus, of those that J1939 leaves free to be claimed (128 to 247).
+const ADDRESS: u8 = 0x8C;
+
+/// Serial number in the controller's NAME: 21 bits of the chip's own, so that two controllers on a bus differ.
+fn identity() -> u32 {
+    crc32(embassy_stm32::uid::uid()) & 0x1F_FFFF
 }
 
 /// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
@@ -140,13 +163,18 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
         keeper::stop(format_args!("the wiring is refused"))
     };
 
+    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else {
+        keeper::stop(format_args!("the name is refused"))
+    };
+    let port = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs);
+
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
     let (highest, high) = (HIGHEST.start(interrupt::UART4), HIGH.start(interrupt::UART5));
     let start = Instant::now();
     highest.spawn(sample(start, params, front_end)?);
     high.spawn(estimate(start)?);
-    spawner.spawn(publish(start)?);
+    spawner.spawn(publish(start, Node::new(name, ADDRESS), port)?);
     spawner.spawn(store(start)?);
     spawner.spawn(supervise(start, keeper)?);
     Ok(())
