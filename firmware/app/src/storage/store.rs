@@ -204,15 +204,19 @@ impl<F: NorFlash> Store<F> {
         Ok(())
     }
 
-    /// Writes one copy.
+    /// Writes one copy and looks whether it can be found again: in a region that is damaged beyond single bits the
+    /// library may write where it does not look.
     async fn put(&mut self, outgoing: &Outgoing<'_>) -> Result<(), StoreError> {
         let mut result = Err(StoreError::Flash);
         for _ in 0..ATTEMPTS {
-            if result != Err(StoreError::Flash) {
-                break;
-            }
             let stored = self.map.store_item(&mut self.buffer.0, &outgoing.key, outgoing).await;
             result = stored.map_err(StoreError::from);
+            if result.is_ok() && self.sequence(outgoing.key).await? != Some(outgoing.sequence) {
+                result = Err(StoreError::Corrupted);
+            }
+            if !matches!(result, Err(StoreError::Flash | StoreError::Corrupted)) {
+                break;
+            }
         }
         result
     }
