@@ -123,6 +123,56 @@ fn short(between: &str) -> Scenario {
     Scenario::from_toml(&file).expect("it is a scenario")
 }
 
+/// An hour of steering to and fro, by the surrogate.
+fn long(minutes: u32) -> Scenario {
+    let mut text = format!(
+        "schema = 1\nname = 'long drive'\nseed = 9\nvehicle = 'surrogate'\nduration_s = {}.0\n",
+        60 * minutes
+    );
+    for minute in 0..minutes {
+        for (second, alpha) in [(0, 1.0), (20, 1.0), (21, 0.6), (40, 0.6), (42, -0.7), (57, -0.7)] {
+            let time_s = 60 * minute + second;
+            text += &format!(
+                "[[at]]\ntime_s = {time_s}.0\nn_p_rpm = 1600.0\nalpha = {alpha:.1}\nload_nm = 1100.0\nt_b_c = 60.0\n"
+            );
+        }
+        for (from, until) in [(5, 20), (25, 40), (46, 57)] {
+            let (from, until) = (60 * minute + from, 60 * minute + until);
+            text += &format!("[[expect]]\nfrom_s = {from}.0\nuntil_s = {until}.0\nstate = 'valid'\n");
+        }
+    }
+    let file = TomlFile::from_text(Path::new("long.toml"), text).expect("it is TOML");
+    Scenario::from_toml(&file).expect("it is a scenario")
+}
+
+fn long_drive(minutes: u32) {
+    let report = drive(&long(minutes));
+    println!("{minutes} min: {:.2} times real time, {report:?}", report.real_time_factor);
+    let broken = report.findings.iter().filter(|finding| !finding.met).count();
+    assert_eq!((broken, report.missed_deadlines), (0, 0));
+    // The figures are of the last whole second before the end; the firmware begins its first turn a millisecond in.
+    let [sample, ..] = report.turns;
+    assert_eq!(sample, (60 * minutes - 1) * 1000 + 1);
+}
+
+#[test]
+fn qemu_loop_runs_for_a_minute_without_a_missed_deadline() {
+    long_drive(1);
+}
+
+#[test]
+#[ignore = "an hour in QEMU takes most of an hour: cargo test -p kou-tests --test qemu_closed_loop -- --ignored --nocapture"]
+fn qemu_loop_runs_for_an_hour_without_a_missed_deadline() {
+    long_drive(60);
+}
+
+/// As much of the hour as there is time for.
+#[test]
+#[ignore = "part of the hour, for machines in a hurry"]
+fn qemu_loop_runs_for_ten_minutes_without_a_missed_deadline() {
+    long_drive(10);
+}
+
 #[test]
 fn qemu_loop_has_the_same_bits_again_and_others_with_another_seed() {
     let scenario = short("");

@@ -10,14 +10,15 @@ use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::peripherals::{FDCAN1, PA11, PA12};
 use kou_app::controller::CanPort;
 use kou_app::j1939::Frame;
+use static_cell::ConstStaticCell;
 
 /// Bit rate of J1939-11, and of most vehicles.
 const BIT_RATE: u32 = 250_000;
 /// Frames that may wait in either direction: what comes in one turn of the task that takes them, with a margin.
 const QUEUE: usize = 16;
 
-static TO_BUS: TxBuf<QUEUE> = TxBuf::new();
-static FROM_BUS: RxBuf<QUEUE> = RxBuf::new();
+static TO_BUS: ConstStaticCell<TxBuf<QUEUE>> = ConstStaticCell::new(TxBuf::new());
+static FROM_BUS: ConstStaticCell<RxBuf<QUEUE>> = ConstStaticCell::new(RxBuf::new());
 
 /// The controller's end of the bus.
 pub(crate) struct Port {
@@ -26,7 +27,7 @@ pub(crate) struct Port {
 }
 
 impl Port {
-    /// Starts the peripheral.
+    /// Starts the peripheral, once: a second time there are no queues left.
     pub(crate) fn new(
         can: Peri<'static, FDCAN1>,
         receive: Peri<'static, PA11>,
@@ -34,14 +35,15 @@ impl Port {
         irqs: impl Binding<typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>>
         + Binding<typelevel::FDCAN1_IT1, IT1InterruptHandler<FDCAN1>>
         + 'static,
-    ) -> Self {
+    ) -> Option<Self> {
+        let (to_bus, from_bus) = (TO_BUS.try_take()?, FROM_BUS.try_take()?);
         let mut configurator = CanConfigurator::new(can, receive, send, irqs);
         configurator.set_bitrate(BIT_RATE);
         // Frames of 11 bits and remote frames are not J1939's, and are not worth an interrupt.
         let filter = GlobalFilter::reject_all().set_handle_extended_frames(NonMatchingFilter::IntoRxFifo0);
         configurator.set_config(configurator.config().set_global_filter(filter));
-        let buffered = configurator.into_normal_mode().buffered(&TO_BUS, &FROM_BUS);
-        Self { sender: buffered.writer(), receiver: buffered.reader() }
+        let buffered = configurator.into_normal_mode().buffered(to_bus, from_bus);
+        Some(Self { sender: buffered.writer(), receiver: buffered.reader() })
     }
 }
 

@@ -144,7 +144,7 @@ const ADDRESS: u8 = 0x8C;
 
 /// Serial number in the controller's NAME: 21 bits of the chip's own, so that two controllers on a bus differ.
 fn identity() -> u32 {
-    crc32(embassy_stm32::uid::uid()) & 0x1F_FFFF
+    crc32(&embassy_stm32::uid::uid()) & 0x1F_FFFF
 }
 
 /// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
@@ -166,7 +166,9 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     let Ok(name) = Name::new(&NameConfig::transmission(identity())) else {
         keeper::stop(format_args!("the name is refused"))
     };
-    let port = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs);
+    let Some(port) = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs) else {
+        keeper::stop(format_args!("the CAN queues are taken"))
+    };
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
