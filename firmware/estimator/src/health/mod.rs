@@ -483,7 +483,9 @@ impl HealthState {
         if self.used.is_none() {
             self.begin(params);
         }
-        self.average_lever(mean.ratio / per_level);
+        if self.settling > 0 {
+            self.average_lever(mean.ratio / per_level);
+        }
         self.used = Some(block.time);
         if self.suspect {
             // A sensor, not the machine, has changed: what was learned of the machine stays.
