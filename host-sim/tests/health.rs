@@ -5,7 +5,7 @@ mod support;
 use host_sim::calibration::SensorClass;
 use host_sim::commands::evaluate::faults;
 use host_sim::evaluate::{COMMISSIONING_H, Event, Run, Setting, World};
-use kou_estimator::health::{HealthConfig, HealthParams, HealthState, observe};
+use kou_estimator::{State, state_record, step};
 use kou_estimator::units::{Megapascal, RevPerMin};
 use support::{Folder, json};
 
@@ -28,9 +28,8 @@ fn setting() -> Setting {
     ]);
     let (calibration, params) = host_sim::calibration::read_checked(&out).unwrap();
     let law = &calibration.law;
-    let health = HealthParams::new(&HealthConfig::for_law(law), &params).unwrap();
     let limits = [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()];
-    Setting { params, health, limits, class: SensorClass::B, misfit: 0.02, oil_ageing_per_h: 0.0, seed: 1000 }
+    Setting { params, limits, class: SensorClass::B, misfit: 0.02, oil_ageing_per_h: 0.0, seed: 1000 }
 }
 
 /// Hours of a world with an event: commissioning, then an hour.
@@ -66,35 +65,38 @@ fn prop_a_healthy_machine_is_left_in_peace_for_a_hundred_hours() {
     assert!(!run.false_wear);
 }
 
+/// CRC-32 of the calibration's record, as far as these tests care.
+const CALIBRATION: u32 = 0x1234_5678;
+
 #[test]
 fn saving_and_restoring_at_any_sample_changes_no_bit_of_what_follows() {
     let setting = setting();
     let mut world = World::new(&setting.params, setting.limits, setting.class, setting.misfit, 7);
-    let (mut straight, mut restored) = (HealthState::new(), HealthState::new());
-    let mut bytes = [0_u8; 1024];
+    let (mut straight, mut restored) = (State::new(), State::new());
+    let mut bytes = [0_u8; state_record::MAX_LEN];
     let mut largest = 0;
     for i in 0..40_000 {
         if i == 20_000 {
             world.schedule(world.time_s(), Event::Leak { share: 0.5, within_s: 30.0 });
         }
         let (sample, _) = world.advance();
-        let saved = postcard::to_slice(&restored, &mut bytes).unwrap();
-        largest = largest.max(saved.len());
-        restored = postcard::from_bytes(saved).unwrap();
-        let one = observe(&setting.params, &setting.health, &mut straight, &sample);
-        let two = observe(&setting.params, &setting.health, &mut restored, &sample);
+        let length = state_record::encode(&restored, CALIBRATION, &mut bytes).unwrap();
+        largest = largest.max(length);
+        restored = state_record::decode(&bytes[..length], CALIBRATION).unwrap();
+        let one = step(&setting.params, &mut straight, &sample);
+        let two = step(&setting.params, &mut restored, &sample);
         assert_eq!(one, two);
     }
-    println!("state {} bytes, saved {largest}", size_of::<HealthState>());
-    assert!(straight.last_change().is_some(), "the run must go through a change as well");
-    assert!(size_of::<HealthState>() <= 1024);
+    println!("state {} bytes, saved {largest}", size_of::<State>());
+    assert!(straight.health().last_change().is_some(), "the run must go through a change as well");
+    assert!(size_of::<State>() <= 1024);
 }
 
 #[test]
 fn prop_hostile_samples_leave_the_state_finite_and_bounded() {
     let setting = setting();
     let mut world = World::new(&setting.params, setting.limits, setting.class, setting.misfit, 9);
-    let mut state = HealthState::new();
+    let mut state = State::new();
     for i in 0..1_000_000_u32 {
         let (mut sample, _) = world.advance();
         match i % 50 {
@@ -106,7 +108,7 @@ fn prop_hostile_samples_leave_the_state_finite_and_bounded() {
             4 => sample.time.0 = u64::from(i),
             _ => {}
         }
-        let health = observe(&setting.params, &setting.health, &mut state, &sample);
+        let health = step(&setting.params, &mut state, &sample).health;
         let numbers = [health.level.get(), health.level_se.get(), health.ratio_offset.get()];
         assert!(numbers.iter().all(|n| n.is_finite()), "{health:?}");
         assert!(

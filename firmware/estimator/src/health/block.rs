@@ -65,10 +65,12 @@ pub struct Accumulator {
     count: u32,
     begin: Micros,
     last: Micros,
+    after_gap: bool,
 }
 
 /// Means over a block.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Block {
     /// Time of its last sample.
     pub time: Micros,
@@ -80,17 +82,36 @@ pub struct Block {
     pub after_gap: bool,
 }
 
+impl Block {
+    /// A block of nothing, in the place of one that is to come.
+    #[must_use]
+    pub const fn new() -> Self {
+        let mean = Terms {
+            deficit: 0.0,
+            ratio_per_kou: 0.0,
+            kou_law: 0.0,
+            ratio: 0.0,
+            n_p_rpm: 0.0,
+            p_h_mpa: 0.0,
+            t_b_c: 0.0,
+            alpha: 0.0,
+            chi: 0.0,
+        };
+        Self { time: Micros(0), mean, count: 0, after_gap: false }
+    }
+}
+
 impl Accumulator {
     /// Nothing collected yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { sums: [0.0; Terms::COUNT], count: 0, begin: Micros(0), last: Micros(0) }
+        Self::since(Micros(0))
     }
 
-    /// Time of the last sample taken.
+    /// Nothing collected since a time.
     #[must_use]
-    pub const fn last(&self) -> Micros {
-        self.last
+    pub const fn since(time: Micros) -> Self {
+        Self { sums: [0.0; Terms::COUNT], count: 0, begin: time, last: time, after_gap: false }
     }
 
     /// Throws away what has been collected since the last block.
@@ -98,13 +119,15 @@ impl Accumulator {
         self.count = 0;
     }
 
-    /// Takes a sample; returns the block that it completes. The first sample after a gap is a block of its own.
-    pub fn takes(&mut self, time: Micros, terms: Terms, block_us: u32) -> Option<Block> {
-        let after_gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
-        if self.count == 0 || after_gap {
+    /// Takes a sample; true when the block is full. The first sample after a gap begins a new block, which says so.
+    #[inline(always)]
+    pub fn takes(&mut self, time: Micros, terms: &Terms, block_us: u32) -> bool {
+        let gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
+        if self.count == 0 || gap {
             self.sums = [0.0; Terms::COUNT];
             self.count = 0;
             self.begin = self.last;
+            self.after_gap = gap;
         }
         // A block has some hundred samples at most, so plain sums keep six digits.
         for (sum, value) in self.sums.iter_mut().zip(terms.to_array()) {
@@ -112,17 +135,19 @@ impl Accumulator {
         }
         self.count = self.count.saturating_add(1);
         self.last = time;
-        if time.0.saturating_sub(self.begin.0) < u64::from(block_us) {
-            return None;
-        }
-        let per_count = 1.0 / self.count as f32;
+        time.0.saturating_sub(self.begin.0) >= u64::from(block_us)
+    }
+
+    /// The block that is full; the next begins.
+    pub fn block(&mut self) -> Block {
+        let per_count = 1.0 / self.count.max(1) as f32;
         let block = Block {
-            time,
+            time: self.last,
             mean: Terms::from_array(self.sums.map(|s| s * per_count)),
             count: self.count,
-            after_gap,
+            after_gap: self.after_gap,
         };
         self.count = 0;
-        Some(block)
+        block
     }
 }

@@ -8,7 +8,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::block::Terms;
-use crate::params::Params;
+use crate::law::Law;
+use crate::reduced::ReducedModel;
 
 /// A possible explanation of a deficit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,8 +112,8 @@ impl Causes {
 
 /// Deficit of ratio per unit of each cause at a block, in the order of [`Cause::ALL`].
 #[inline]
-pub(super) fn signatures(params: &Params, mean: &Terms) -> [f32; CAUSES] {
-    let reduced = params.reduced.config();
+pub(super) fn signatures(model: &ReducedModel, law: &Law, mean: &Terms) -> [f32; CAUSES] {
+    let reduced = model.config();
     let per_b = 1.0 / (reduced.motor_displacement.get() + reduced.motor_dead_volume.get() * mean.chi);
     let full_cm3 = reduced.pump_displacement.get();
     // What compression acts on, per unit of what the motor swallows.
@@ -121,10 +122,10 @@ pub(super) fn signatures(params: &Params, mean: &Terms) -> [f32; CAUSES] {
         + mean.ratio * reduced.motor_dead_volume.get())
         * per_b;
     let wear = mean.ratio_per_kou * mean.kou_law;
-    let [per_rpm, per_mpa, per_kelvin] = params.law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
+    let [per_rpm, per_mpa, per_kelvin] = law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
     let per_n = 1.0 / mean.n_p_rpm;
     let per_p = 1.0 / (mean.p_h_mpa - reduced.case_pressure.get()).max(0.1);
-    let compression = params.reduced.compression();
+    let compression = model.compression();
     let slope_per_mpa = compression.slope_per_mpa(crate::units::Celsius(mean.t_b_c));
     [
         wear,
@@ -152,7 +153,6 @@ fn inverse_root(p_mpa: f32) -> f32 {
 pub struct Diagnosis {
     with_deficit: [f32; CAUSES],
     with_itself: [f32; CAUSES],
-    deficit2: f32,
     blocks: u32,
 }
 
@@ -167,7 +167,7 @@ impl Diagnosis {
     /// Nothing taken yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { with_deficit: [0.0; CAUSES], with_itself: [0.0; CAUSES], deficit2: 0.0, blocks: 0 }
+        Self { with_deficit: [0.0; CAUSES], with_itself: [0.0; CAUSES], blocks: 0 }
     }
 
     /// Takes the deficit of a block, less what was explained before the change, with the variance of its noise.
@@ -175,7 +175,6 @@ impl Diagnosis {
         let weight = 1.0 / noise_variance;
         let keep = if self.blocks >= MEMORY_BLOCKS { 1.0 - 1.0 / MEMORY_BLOCKS as f32 } else { 1.0 };
         let weighted = weight * deficit;
-        self.deficit2 = keep * self.deficit2 + weighted * deficit;
         for ((with_deficit, with_itself), signature) in
             self.with_deficit.iter_mut().zip(&mut self.with_itself).zip(signatures)
         {

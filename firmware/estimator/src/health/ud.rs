@@ -126,6 +126,13 @@ impl UdFilter {
         self.theta = theta;
     }
 
+    /// Whether parameters and factors are finite and the covariance positive definite.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let factors = [&self.u2].into_iter().chain(&self.u3).chain(&self.u4).chain(&self.theta);
+        self.d.iter().all(|d| *d > 0.0 && d.is_finite()) && factors.into_iter().all(|f| f.is_finite())
+    }
+
     /// Puts the parameters within bounds.
     pub fn bound(&mut self, bounds: [(f32, f32); PARAMETERS]) {
         for (value, (low, high)) in self.theta.iter_mut().zip(bounds) {

@@ -1,0 +1,396 @@
+//! The learned state, and the stages in which a block is worked into it.
+//!
+//! A sample is added to the block being filled. When a block is full it waits for its stages, one with each of the
+//! following samples, while the next one fills; a block that is full before its predecessor is done goes on filling. So
+//! a slow sample rate makes longer blocks, and no sample costs more than one stage.
+
+use serde::{Deserialize, Serialize};
+
+use super::block::{Accumulator, Block, Terms};
+use super::config::Severity;
+use super::drift_watch::DriftWatch;
+use super::gate::{Closed, Gate};
+use super::judge::{Judge, Verdict};
+use super::signature::{CAUSES, signatures};
+use super::step_watch::StepWatch;
+use super::trend::{Remaining, Slope, Trend};
+use super::trouble::Trouble;
+use super::ud::{PARAMETERS, UdFilter};
+use super::{Change, Health};
+use crate::estimate::Reason;
+use crate::params::Params;
+use crate::root::square_root;
+use crate::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
+
+/// What is to be done with the block that waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+enum Stage {
+    /// No block waits.
+    Idle,
+    /// Is it steady?
+    Gate,
+    /// What do the parameters leave unexplained, and is that a step?
+    Compare,
+    /// Learn from it.
+    Learn,
+    /// Has the level drifted?
+    Watch,
+    /// Signatures of the causes, where there was a change.
+    Sign,
+    /// Regression on them.
+    Regress,
+    /// Causes and troubles.
+    Judge,
+}
+
+/// What the stages hand to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Used {
+    /// Loss of ratio per unit of level.
+    per_level: f32,
+    phi: [f32; PARAMETERS],
+    /// Variance of the deficit's noise, counted as if blocks were independent.
+    noise_variance: f32,
+    /// Judged driving since the block before, in hours.
+    hours: f32,
+    signatures: [f32; CAUSES],
+    unexplained: f32,
+}
+
+/// What changes. At most 1 KiB; `Clone` and the saved form keep every bit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct HealthState {
+    accumulator: Accumulator,
+    stage: Stage,
+    block: Block,
+    used: Used,
+    gate: Gate,
+    filter: UdFilter,
+    steps: StepWatch,
+    drifts: DriftWatch,
+    judge: Judge,
+    /// Blocks for which neither steps nor drifts are judged: after the start and after a change.
+    settling: u16,
+    /// Time of the last block that was used.
+    used_at: Option<Micros>,
+    trend: Trend,
+    trend_blocks: u16,
+    told: Health,
+}
+
+/// Standard deviation of the level of a machine as it was calibrated.
+pub(super) const LEVEL_SD_START: f32 = 0.05;
+/// Largest variance of the level: what is known right after a step, that is a standard deviation of 0.3.
+const LEVEL_VARIANCE_MAX: f32 = 0.09;
+/// Smallest variance of the factor on the ratio: sensors that are declared to be perfect are good to 0.01 %.
+const OFFSET_VARIANCE_MIN: f32 = 1e-8;
+/// Standard deviation of the slopes of the level with normalised pressure and temperature.
+const SLOPE_SD: f32 = 0.15;
+/// Bounds of level less 1, ratio offset and slopes.
+const BOUNDS: [(f32, f32); PARAMETERS] = [(-0.95, 20.0), (-0.05, 0.05), (-0.6, 0.6), (-0.6, 0.6)];
+/// Normalised pressure and temperature about which the slopes turn: the middle of where machines work.
+const SLOPE_PIVOTS: [f32; 2] = [0.55, 0.7];
+/// Standard error to which what is watched must be learned before changes are judged.
+const LEARNED_SD: f32 = 0.02;
+/// Variance by which the level is forgotten with each block right after a change, which may still grow: it then follows
+/// within some eight blocks.
+const SETTLE_VARIANCE: f32 = 1e-4;
+/// Blocks between two points of the trend: about five minutes.
+const TREND_BLOCKS: u16 = 600;
+
+impl Default for HealthState {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl HealthState {
+    /// State of a machine as it was calibrated.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            accumulator: Accumulator::new(),
+            stage: Stage::Idle,
+            block: Block::new(),
+            used: Used {
+                per_level: 0.0,
+                phi: [0.0; PARAMETERS],
+                noise_variance: 1.0,
+                hours: 0.0,
+                signatures: [0.0; CAUSES],
+                unexplained: 0.0,
+            },
+            gate: Gate::new(),
+            filter: UdFilter::new([0.0; PARAMETERS], [LEVEL_SD_START * LEVEL_SD_START; PARAMETERS]),
+            steps: StepWatch::new(),
+            drifts: DriftWatch::new(),
+            judge: Judge::new(),
+            settling: 0,
+            used_at: None,
+            trend: Trend::new(),
+            trend_blocks: 0,
+            told: Health::new(),
+        }
+    }
+
+    /// The last change that was reported.
+    #[must_use]
+    pub fn last_change(&self) -> Option<Change> {
+        self.judge.last
+    }
+
+    /// The trouble "leaks more than it did", with its history.
+    #[must_use]
+    pub fn wear(&self) -> &Trouble {
+        &self.judge.wear
+    }
+
+    /// The trouble "a sensor or the oil explains a change", with its history.
+    #[must_use]
+    pub fn sensor(&self) -> &Trouble {
+        &self.judge.sensor
+    }
+
+    /// Time until the limit of the calibration, once a trend is known.
+    #[must_use]
+    pub fn remaining(&self, params: &Params) -> Option<Remaining> {
+        self.trend.remaining(self.told.level, params.health.config.limit_level)
+    }
+
+    /// Slope of the level over hours of judged driving, once a trend is known.
+    #[must_use]
+    pub fn slope(&self) -> Option<Slope> {
+        self.trend.slope()
+    }
+
+    /// What the level means at the rated point of the calibration.
+    #[must_use]
+    pub fn severity(&self, params: &Params) -> Severity {
+        params.health.severity(self.told.level)
+    }
+
+    /// Whether every number is finite and the covariance positive definite: a state that was saved sound is sound.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let numbers = [self.told.level.get(), self.told.level_se.get(), self.told.ratio_offset.get()];
+        self.filter.is_sound() && numbers.iter().all(|n| n.is_finite())
+    }
+
+    /// Takes a sample that has no valid terms.
+    pub(crate) fn skip(&mut self, params: &Params, time: Micros, reason: Reason) -> Health {
+        self.work(params);
+        if reason == Reason::TimeReversed {
+            self.accumulator = Accumulator::since(time);
+        } else {
+            self.accumulator.clear();
+        }
+        self.told.gate = Err(Closed::Sample(reason));
+        self.tell(params, time);
+        self.told
+    }
+
+    /// Takes the terms of a valid sample.
+    pub(crate) fn takes(&mut self, params: &Params, time: Micros, terms: &Terms) -> Health {
+        self.work(params);
+        let block_us = params.health.config.block_us;
+        let full = self.accumulator.takes(time, terms, block_us);
+        if full && self.stage == Stage::Idle {
+            self.block = self.accumulator.block();
+            self.stage = Stage::Gate;
+        }
+        self.told
+    }
+
+    /// One stage of the block that waits.
+    fn work(&mut self, params: &Params) {
+        self.stage = match self.stage {
+            Stage::Idle => return,
+            Stage::Gate => self.pass_gate(params),
+            Stage::Compare => self.compare(params),
+            Stage::Learn => self.learn(params),
+            Stage::Watch => self.watch(params),
+            Stage::Sign => self.sign(params),
+            Stage::Regress => {
+                self.judge.regress(&self.used.signatures, self.used.unexplained, self.used.noise_variance);
+                Stage::Judge
+            }
+            Stage::Judge => self.conclude(params),
+        };
+    }
+
+    #[inline(never)]
+    fn pass_gate(&mut self, params: &Params) -> Stage {
+        self.told.gate = self.gate.takes(&self.block);
+        if self.told.gate.is_ok() {
+            return Stage::Compare;
+        }
+        self.tell(params, self.block.time);
+        Stage::Idle
+    }
+
+    /// Compares the block with what the parameters predict, and looks for a step.
+    #[inline(never)]
+    fn compare(&mut self, params: &Params) -> Stage {
+        if self.used_at.is_none() {
+            self.begin(params);
+        }
+        let config = &params.health.config;
+        let mean = &self.block.mean;
+        let per_level = mean.ratio_per_kou * mean.kou_law;
+        let [pressure, temperature] = slope_terms(params, mean);
+        let phi = [per_level, mean.ratio, per_level * pressure, per_level * temperature];
+        let misfit = config.law_misfit * per_level;
+        let random = config.ratio_noise * mean.ratio;
+        // The misfit is one value for as long as the operating point is; random errors are new in every sample.
+        let noise_variance =
+            misfit * misfit * config.misfit_blocks + random * random / self.block.count as f32 + 1e-12;
+        self.used = Used { per_level, phi, noise_variance, hours: self.hours_since(self.block.time), ..self.used };
+        self.used_at = Some(self.block.time);
+        if self.judge.suspect {
+            // A sensor, not the machine, has changed: what was learned of the machine stays.
+            return Stage::Sign;
+        }
+        if self.settling == 0 {
+            let innovation = self.filter.innovation(phi, mean.deficit, 0.0);
+            let error = innovation.error / per_level;
+            let learned_sd = square_root(innovation.variance) / per_level;
+            let noise2 = noise_variance / (per_level * per_level);
+            if self.steps.takes(&params.health.step, error, noise2, learned_sd) {
+                let [level, ..] = self.filter.theta();
+                self.found(params, level, level + error, true);
+                self.filter.forget_first(LEVEL_VARIANCE_MAX, LEVEL_VARIANCE_MAX);
+            }
+        }
+        Stage::Learn
+    }
+
+    #[inline(never)]
+    fn learn(&mut self, params: &Params) -> Stage {
+        let used = &self.used;
+        // Forgetting: what wear may bring in the time since the last block, and more right after a change.
+        let drift = params.health.config.level_drift_per_h;
+        let mut forgotten = drift * drift * used.hours;
+        if self.judge.changes > 0 && self.settling > params.health.judge_blocks / 2 {
+            forgotten += SETTLE_VARIANCE;
+        }
+        self.filter.forget_first(forgotten, LEVEL_VARIANCE_MAX);
+        self.filter.update(used.phi, self.block.mean.deficit, used.noise_variance);
+        self.filter.bound(BOUNDS);
+        Stage::Watch
+    }
+
+    /// Looks for a drift, or learns what is usual.
+    #[inline(never)]
+    fn watch(&mut self, params: &Params) -> Stage {
+        if self.settling > 0 && self.judge.changes == 0 {
+            self.drifts.learn_lever(self.block.mean.ratio / self.used.per_level);
+        }
+        let phi = [1.0, self.drifts.lever(), 0.0, 0.0];
+        let watched = self.filter.predict(phi);
+        let sd = square_root(self.filter.innovation(phi, 0.0, 0.0).variance);
+        if self.settling > 0 {
+            self.drifts.restart(watched);
+            if self.settling > 1 || sd < LEARNED_SD || self.judge.changes > 0 {
+                self.settling -= 1;
+            }
+        } else if let Some(distance) = self.drifts.takes(watched, sd, params.health.config.report_change) {
+            let [level, ..] = self.filter.theta();
+            self.found(params, level - distance, level, false);
+        }
+        self.trend_blocks = self.trend_blocks.saturating_add(1);
+        if self.trend_blocks >= TREND_BLOCKS {
+            let [level, ..] = self.filter.theta();
+            self.trend.takes(
+                1.0 + level,
+                f32::from(self.trend_blocks) * params.health.config.block_us as f32 / 3.6e9,
+            );
+            self.trend_blocks = 0;
+        }
+        self.tell(params, self.block.time);
+        if self.judge.changes == 0 { Stage::Idle } else { Stage::Sign }
+    }
+
+    /// Deficit that the parameters before the last change leave unexplained, and how each cause would look here.
+    #[inline(never)]
+    fn sign(&mut self, params: &Params) -> Stage {
+        let [p1, p2, p3, p4] = self.used.phi;
+        let [t1, t2, t3, t4] = self.judge.before;
+        self.used.unexplained = self.block.mean.deficit - (p1 * t1 + p2 * t2 + p3 * t3 + p4 * t4);
+        self.used.signatures = signatures(&params.reduced, &params.law, &self.block.mean);
+        Stage::Regress
+    }
+
+    #[inline(never)]
+    fn conclude(&mut self, params: &Params) -> Stage {
+        let config = &params.health.config;
+        let unexplained = self.used.unexplained / self.used.per_level;
+        let judge_blocks = params.health.judge_blocks;
+        match self.judge.judge(unexplained, config.report_change, judge_blocks) {
+            Verdict::Unchanged => {}
+            Verdict::SensorSuspected => {
+                self.filter.set_theta(self.judge.before);
+                self.settling = params.health.settle_blocks;
+            }
+            Verdict::SensorCleared => {
+                self.filter.forget_first(LEVEL_VARIANCE_MAX, LEVEL_VARIANCE_MAX);
+                self.settling = params.health.settle_blocks;
+            }
+        }
+        let [level, ..] = self.filter.theta();
+        self.judge.count(self.block.time, level > config.report_change, judge_blocks);
+        self.tell(params, self.block.time);
+        Stage::Idle
+    }
+
+    fn found(&mut self, params: &Params, from: f32, to: f32, step: bool) {
+        let change = Judge::change(self.block.time, from, to, step);
+        self.judge.found(change, self.filter.theta(), from);
+        self.settling = params.health.judge_blocks;
+    }
+
+    /// What is not known of the sensors before anything was learned.
+    fn begin(&mut self, params: &Params) {
+        let offset = params.errors.ratio_relative;
+        let slope = SLOPE_SD * SLOPE_SD;
+        let variances =
+            [LEVEL_SD_START * LEVEL_SD_START, (offset * offset).max(OFFSET_VARIANCE_MIN), slope, slope];
+        self.filter = UdFilter::new([0.0; PARAMETERS], variances);
+        self.settling = params.health.settle_blocks;
+    }
+
+    fn hours_since(&self, time: Micros) -> f32 {
+        let Some(used) = self.used_at else { return 0.0 };
+        // At most a day: a clock that jumped is not a day of wear.
+        time.0.saturating_sub(used.0).min(24 * 3_600_000_000) as f32 / 3.6e9
+    }
+
+    /// Puts into words what is known at a time.
+    fn tell(&mut self, params: &Params, time: Micros) {
+        let [level, offset, ..] = self.filter.theta();
+        let [variance, ..] = self.filter.variances();
+        // What wear may have changed since the last block that was used.
+        let drift = params.health.config.level_drift_per_h;
+        let aged = variance + drift * drift * self.hours_since(time) + params.health.systematic2;
+        self.told = Health {
+            gate: self.told.gate,
+            level: Ratio(1.0 + level),
+            level_se: Ratio(square_root(aged)),
+            ratio_offset: Ratio(offset),
+            changes: self.judge.changes,
+            causes: self.judge.causes,
+            wear: self.judge.wear.stage,
+            sensor: self.judge.sensor.stage,
+        };
+    }
+}
+
+/// Normalised pressure and temperature of a block, from the slopes' pivots.
+fn slope_terms(params: &Params, mean: &Terms) -> [f32; 2] {
+    let [_, y, z] =
+        params.law.normalised(RevPerMin(mean.n_p_rpm), Megapascal(mean.p_h_mpa), Celsius(mean.t_b_c));
+    let [pressure, temperature] = SLOPE_PIVOTS;
+    [y - pressure, z - temperature]
+}
