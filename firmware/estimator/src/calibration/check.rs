@@ -178,6 +178,7 @@ fn law(c: &Calibration) -> Result<(), CalibrationError> {
     in_range("law.t_max_c", k.t_max.get(), 10.0, 200.0)?;
     in_range("law.residual_se", k.residual_se.get(), 0.0, 10.0)?;
     // Standard errors of single coefficients may exceed the coefficients, but not by orders of magnitude.
+    in_range("law.error_root.rest", k.error_root.rest.get(), 0.0, 10.0)?;
     k.error_root.rows().into_iter().flatten().try_for_each(|v| in_range("law.error_root", *v, -100.0, 100.0))
 }
 

@@ -56,7 +56,7 @@ pub fn calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.002),
-            error_root: LawErrorRoot { c: [1e-3; 10], b2: [5e-4; 8], ..LawErrorRoot::NONE },
+            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
         },
         region: RegionConfig::around(
             [[0.3, 0.1, 0.3], [1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [1.0, 0.1, 0.3]],
