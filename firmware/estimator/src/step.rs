@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::Output;
 use crate::estimate::{Estimate, Expected, Reason, Seen};
-use crate::health::{Health, HealthState, Terms};
+use crate::health::{HealthState, Terms};
 use crate::params::Params;
 use crate::reading::{Channel, Fault, Reading, Sample};
 use crate::reduced::{Balance, OperatingPoint};
@@ -57,16 +57,28 @@ pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
     let reversed = state.last_time.is_some_and(|last| sample.time < last);
     // The new time is taken over in any case: after a clock was set back, only one sample is lost.
     state.last_time = Some(sample.time);
-    if reversed {
-        let health = state.health.skip(params, sample.time, Reason::TimeReversed);
-        return Estimate { health, ..Estimate::invalid(sample.time, Reason::TimeReversed) };
+    let (expected, seen) =
+        if reversed { refused(params, state, sample, Reason::TimeReversed) } else { judge(params, state, sample) };
+    if expected.is_ok() && seen.is_ok() {
+        state.valid = state.valid.saturating_add(1);
     }
+    Estimate { time: sample.time, expected, seen, health: state.health.told() }
+}
+
+/// Both parts of an estimate.
+type Parts = (Result<Expected, Reason>, Result<Seen, Reason>);
+
+#[inline(always)]
+fn refused(params: &Params, state: &mut State, sample: &Sample, reason: Reason) -> Parts {
+    state.health.skip(params, sample.time, reason);
+    (Err(reason), Err(reason))
+}
+
+#[inline(always)]
+fn judge(params: &Params, state: &mut State, sample: &Sample) -> Parts {
     let at = match operating_point(params, sample) {
         Ok(at) => at,
-        Err(reason) => {
-            let health = state.health.skip(params, sample.time, reason);
-            return Estimate { health, ..Estimate::invalid(sample.time, reason) };
-        }
+        Err(reason) => return refused(params, state, sample, reason),
     };
     let balance = params.reduced.balance(&at);
     let expected = expect(params, &at, &balance);
@@ -75,17 +87,15 @@ pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
         Ok(ratio) => see(params, &at, &balance, ratio),
         Err(reason) => Err(reason),
     };
-    if expected.is_ok() && seen.is_ok() {
-        state.valid = state.valid.saturating_add(1);
-    }
     // Also with ratios above the leak-free one: to leave such samples out would bias the learned mean.
-    let health = match (expected, ratio) {
+    match (&expected, ratio) {
         (Ok(expected), Ok(ratio)) => {
-            learn(params, &mut state.health, sample.time, &at, &balance, &expected, ratio)
+            learn(params, &mut state.health, sample.time, &at, &balance, expected, ratio);
         }
-        (Err(reason), _) | (_, Err(reason)) => state.health.skip(params, sample.time, reason),
-    };
-    Estimate { time: sample.time, expected, seen, health }
+        (Err(reason), _) => state.health.skip(params, sample.time, *reason),
+        (_, Err(reason)) => state.health.skip(params, sample.time, reason),
+    }
+    (expected, seen)
 }
 
 /// Hands a valid sample on to health.
@@ -98,7 +108,7 @@ fn learn(
     balance: &Balance,
     expected: &Expected,
     ratio: Ratio,
-) -> Health {
+) {
     let terms = Terms {
         deficit: expected.ratio.get().abs() - ratio.get().abs(),
         ratio_per_kou: 1.0 / balance.kou_per_ratio(),
@@ -110,7 +120,7 @@ fn learn(
         alpha: at.displacement.get().abs(),
         chi: balance.lost_fraction().get(),
     };
-    state.takes(params, time, &terms)
+    state.takes(params, time, &terms);
 }
 
 /// The operating point, if every reading that it needs is good and the drive works there.

@@ -72,11 +72,20 @@ impl Judge {
     }
 
     /// Takes the deficit of a block that the parameters before the change leave unexplained.
+    #[inline(never)]
     pub fn regress(&mut self, signatures: &[f32; CAUSES], unexplained: f32, noise_variance: f32) {
         self.diagnosis.takes(signatures, unexplained, noise_variance);
     }
 
-    /// Judges the causes after a block; `unexplained_level` is that block's deficit in units of level, `judge_blocks` the
+    /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
+    #[inline(never)]
+    pub fn explain(&mut self, judge_blocks: u16) {
+        if self.diagnosis.blocks() >= u32::from(judge_blocks) {
+            self.causes = self.diagnosis.remaining();
+        }
+    }
+
+    /// Judges what the causes mean after a block; `unexplained_level` is that block's deficit in units of level, `judge_blocks` the
     /// number of blocks from which causes are judged.
     pub fn judge(&mut self, unexplained_level: f32, report_change: f32, judge_blocks: u16) -> Verdict {
         if self.changes == 0 {
@@ -90,7 +99,6 @@ impl Judge {
         if self.diagnosis.blocks() < u32::from(judge_blocks) {
             return Verdict::Unchanged;
         }
-        self.causes = self.diagnosis.remaining();
         if self.causes.no_leakage() && !self.suspect && self.diagnosis.blocks() == u32::from(judge_blocks) {
             self.suspect = true;
             self.as_before = 0;

@@ -190,26 +190,25 @@ impl Diagnosis {
         self.blocks
     }
 
-    /// What an explanation explains, in units of chi-squared.
-    fn explained(&self, index: usize) -> f32 {
-        match (self.with_deficit.get(index), self.with_itself.get(index)) {
-            (Some(with_deficit), Some(with_itself)) if *with_itself > 0.0 => {
-                with_deficit * with_deficit / with_itself
-            }
-            _ => 0.0,
-        }
-    }
-
     /// The causes that remain: those that explain nearly as much as the best.
     #[must_use]
     pub fn remaining(&self) -> Causes {
         if self.blocks == 0 {
             return Causes::default();
         }
-        let best = (0..CAUSES).map(|i| self.explained(i)).fold(0.0, f32::max);
+        let mut explained = [0.0; CAUSES];
+        let mut best = 0.0;
+        for ((slot, with_deficit), with_itself) in
+            explained.iter_mut().zip(&self.with_deficit).zip(&self.with_itself)
+        {
+            // What the cause explains, in units of chi-squared; `max` would be a call of a function.
+            let value = if *with_itself > 0.0 { with_deficit * with_deficit / with_itself } else { 0.0 };
+            best = if value > best { value } else { best };
+            *slot = value;
+        }
         let mut causes = Causes::default();
-        for (index, cause) in Cause::ALL.into_iter().enumerate() {
-            if best - self.explained(index) < RULED_OUT {
+        for (value, cause) in explained.into_iter().zip(Cause::ALL) {
+            if best - value < RULED_OUT {
                 causes = causes.with(cause);
             }
         }

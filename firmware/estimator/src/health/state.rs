@@ -40,8 +40,10 @@ enum Stage {
     Sign,
     /// Regression on them.
     Regress,
-    /// Causes and troubles.
-    Judge,
+    /// Which causes remain?
+    Explain,
+    /// What follows from the causes.
+    Conclude,
 }
 
 /// What the stages hand to each other.
@@ -179,8 +181,15 @@ impl HealthState {
         self.filter.is_sound() && numbers.iter().all(|n| n.is_finite())
     }
 
+    /// What is known after the last sample.
+    #[inline(always)]
+    pub(crate) fn told(&self) -> Health {
+        self.told
+    }
+
     /// Takes a sample that has no valid terms.
-    pub(crate) fn skip(&mut self, params: &Params, time: Micros, reason: Reason) -> Health {
+    #[inline(never)]
+    pub(crate) fn skip(&mut self, params: &Params, time: Micros, reason: Reason) {
         self.work(params);
         if reason == Reason::TimeReversed {
             self.accumulator = Accumulator::since(time);
@@ -189,11 +198,11 @@ impl HealthState {
         }
         self.told.gate = Err(Closed::Sample(reason));
         self.tell(params, time);
-        self.told
     }
 
     /// Takes the terms of a valid sample.
-    pub(crate) fn takes(&mut self, params: &Params, time: Micros, terms: &Terms) -> Health {
+    #[inline(always)]
+    pub(crate) fn takes(&mut self, params: &Params, time: Micros, terms: &Terms) {
         self.work(params);
         let block_us = params.health.config.block_us;
         let full = self.accumulator.takes(time, terms, block_us);
@@ -201,7 +210,6 @@ impl HealthState {
             self.block = self.accumulator.block();
             self.stage = Stage::Gate;
         }
-        self.told
     }
 
     /// One stage of the block that waits.
@@ -215,9 +223,13 @@ impl HealthState {
             Stage::Sign => self.sign(params),
             Stage::Regress => {
                 self.judge.regress(&self.used.signatures, self.used.unexplained, self.used.noise_variance);
-                Stage::Judge
+                Stage::Explain
             }
-            Stage::Judge => self.conclude(params),
+            Stage::Explain => {
+                self.judge.explain(params.health.judge_blocks);
+                Stage::Conclude
+            }
+            Stage::Conclude => self.conclude(params),
         };
     }
 
@@ -364,7 +376,9 @@ impl HealthState {
     fn hours_since(&self, time: Micros) -> f32 {
         let Some(used) = self.used_at else { return 0.0 };
         // At most a day: a clock that jumped is not a day of wear.
-        time.0.saturating_sub(used.0).min(24 * 3_600_000_000) as f32 / 3.6e9
+        let units = time.0.saturating_sub(used.0).min(24 * 3_600_000_000) >> 10;
+        // In units of 1.024 ms a day fits 32 bits, which the processor converts by itself.
+        units as u32 as f32 * (1.024e-3 / 3600.0)
     }
 
     /// Puts into words what is known at a time.

@@ -53,8 +53,9 @@ impl StepWatch {
         let allowance = 0.5 * thresholds.design + 2.0 * learned_sd;
         let most = thresholds.largest;
         let part = |side: f32| (scale * (side * error - allowance)).clamp(-most, most);
-        self.up = (self.up + part(1.0)).max(0.0);
-        self.down = (self.down + part(-1.0)).max(0.0);
+        let summed = |sum: f32| if sum > 0.0 { sum } else { 0.0 };
+        self.up = summed(self.up + part(1.0));
+        self.down = summed(self.down + part(-1.0));
         let found = self.up >= thresholds.limit || self.down >= thresholds.limit;
         if found {
             *self = Self::new();
