@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::block::Terms;
-use super::signature::signatures;
+use super::signature::signatures_of_others;
 use super::step_watch::StepThresholds;
 use crate::calibration::check::{CalibrationError, consistent, in_range};
 use crate::calibration::{Limits, SensorErrors};
@@ -156,7 +156,7 @@ impl HealthParams {
             chi: balance.lost_fraction().get(),
         };
         let per_level = mean.ratio_per_kou * mean.kou_law;
-        let [.., pressure, temperature, _, _] = signatures(machine.reduced, law, &mean);
+        let [pressure, temperature, ..] = signatures_of_others(machine.reduced, law, &mean);
         let by_pressure =
             pressure / per_level * machine.errors.high_pressure_relative * config.rated_pressure.get();
         let by_temperature = temperature / per_level * machine.errors.oil_temperature.get();

@@ -69,30 +69,33 @@ impl Gate {
         }
     }
 
-    /// Whether a block is steady. Every filter takes every block, so that it knows the present when the gate opens.
-    pub fn takes(&mut self, block: &Block) -> Result<(), Closed> {
+    /// Begins with a block before which samples were missing.
+    pub fn restart(&mut self, block: &Block) {
         let mean = &block.mean;
-        if block.after_gap {
-            self.speed = SteadyFilter::new(mean.n_p_rpm);
-            self.pressure = SteadyFilter::new(mean.p_h_mpa);
-            self.displacement = SteadyFilter::new(mean.alpha);
-            self.deficit = SteadyFilter::new(mean.deficit);
-            return Err(Closed::AfterGap);
-        }
-        let speed = self.speed.takes(mean.n_p_rpm, SPEED_FLOOR * mean.n_p_rpm);
-        let pressure = self.pressure.takes(mean.p_h_mpa, PRESSURE_FLOOR_MPA);
-        let displacement = self.displacement.takes(mean.alpha, DISPLACEMENT_FLOOR);
-        let deficit = self.deficit.takes(mean.deficit, DEFICIT_FLOOR);
-        if !speed {
-            Err(Closed::SpeedUnsteady)
-        } else if !pressure {
-            Err(Closed::PressureUnsteady)
-        } else if !displacement {
-            Err(Closed::DisplacementUnsteady)
-        } else if !deficit {
-            Err(Closed::RatioUnsteady)
-        } else {
-            Ok(())
-        }
+        self.speed = SteadyFilter::new(mean.n_p_rpm);
+        self.pressure = SteadyFilter::new(mean.p_h_mpa);
+        self.displacement = SteadyFilter::new(mean.alpha);
+        self.deficit = SteadyFilter::new(mean.deficit);
+    }
+
+    /// Whether pump speed is steady. Every filter takes every block, so that it knows the present when the gate opens.
+    pub fn speed(&mut self, block: &Block) -> bool {
+        let n_p_rpm = block.mean.n_p_rpm;
+        self.speed.takes(n_p_rpm, SPEED_FLOOR * n_p_rpm)
+    }
+
+    /// Whether pressure is steady.
+    pub fn pressure(&mut self, block: &Block) -> bool {
+        self.pressure.takes(block.mean.p_h_mpa, PRESSURE_FLOOR_MPA)
+    }
+
+    /// Whether displacement is steady.
+    pub fn displacement(&mut self, block: &Block) -> bool {
+        self.displacement.takes(block.mean.alpha, DISPLACEMENT_FLOOR)
+    }
+
+    /// Whether the deficit of ratio is steady.
+    pub fn deficit(&mut self, block: &Block) -> bool {
+        self.deficit.takes(block.mean.deficit, DEFICIT_FLOOR)
     }
 }

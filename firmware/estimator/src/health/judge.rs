@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Change;
-use super::signature::{CAUSES, Causes, Diagnosis};
+use super::signature::{CAUSES, Causes, Diagnosis, remaining};
 use super::trouble::Trouble;
 use super::ud::PARAMETERS;
 use crate::units::{Micros, Ratio};
@@ -77,11 +77,16 @@ impl Judge {
         self.diagnosis.takes(signatures, unexplained, noise_variance);
     }
 
-    /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
+    /// What each cause explains so far.
     #[inline(never)]
-    pub fn explain(&mut self, judge_blocks: u16) {
+    pub fn explained(&self) -> [f32; CAUSES] {
+        self.diagnosis.explained()
+    }
+
+    /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
+    pub fn explain(&mut self, explained: &[f32; CAUSES], judge_blocks: u16) {
         if self.diagnosis.blocks() >= u32::from(judge_blocks) {
-            self.causes = self.diagnosis.remaining();
+            self.causes = remaining(explained);
         }
     }
 

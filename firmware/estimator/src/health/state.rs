@@ -11,7 +11,9 @@ use super::config::Severity;
 use super::drift_watch::DriftWatch;
 use super::gate::{Closed, Gate};
 use super::judge::{Judge, Verdict};
-use super::signature::{CAUSES, signatures};
+use super::signature::{
+    CAUSES, LEAKAGE_SIGNATURES, OTHER_SIGNATURES, joined, signatures_of_leakage, signatures_of_others,
+};
 use super::step_watch::StepWatch;
 use super::trend::{Remaining, Slope, Trend};
 use super::trouble::Trouble;
@@ -28,22 +30,42 @@ use crate::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 enum Stage {
     /// No block waits.
     Idle,
-    /// Is it steady?
-    Gate,
-    /// What do the parameters leave unexplained, and is that a step?
+    /// Are pump speed and pressure steady?
+    GateDrive,
+    /// Are displacement and the deficit of ratio?
+    GateRest,
+    /// What does the model say of it?
     Compare,
+    /// What do the parameters leave unexplained?
+    Innovate,
+    /// Is that a step?
+    Sum,
+    /// It is: take note of the change.
+    FoundStep,
+    /// Forget a little.
+    Forget,
     /// Learn from it.
     Learn,
     /// Has the level drifted?
     Watch,
-    /// Signatures of the causes, where there was a change.
-    Sign,
+    /// It has: take note of the change.
+    FoundDrift,
+    /// Signatures of leakage and of speed sensors, where there was a change.
+    SignLeakage,
+    /// Signatures of the other causes.
+    SignOthers,
     /// Regression on them.
     Regress,
     /// Which causes remain?
     Explain,
     /// What follows from the causes.
     Conclude,
+    /// Troubles.
+    Count,
+    /// Bounds and the trend of the level.
+    Follow,
+    /// What is to be told.
+    Tell,
 }
 
 /// What the stages hand to each other.
@@ -55,10 +77,18 @@ struct Used {
     phi: [f32; PARAMETERS],
     /// Variance of the deficit's noise, counted as if blocks were independent.
     noise_variance: f32,
+    /// Deficit that the parameters do not predict, or distance from the reference once a drift is found; what their uncertainty may have done to it (1 sigma), and the noise's
+    /// variance, all in units of level.
+    error: f32,
+    learned_sd: f32,
+    noise2: f32,
     /// Judged driving since the block before, in hours.
     hours: f32,
-    signatures: [f32; CAUSES],
+    of_leakage: [f32; LEAKAGE_SIGNATURES],
+    of_others: [f32; OTHER_SIGNATURES],
     unexplained: f32,
+    /// What each cause explains of the deficits since the change, in units of chi-squared.
+    explained: [f32; CAUSES],
 }
 
 /// What changes. At most 1 KiB; `Clone` and the saved form keep every bit.
@@ -70,6 +100,8 @@ pub struct HealthState {
     block: Block,
     used: Used,
     gate: Gate,
+    /// What the gate said of the block that waits.
+    passed: Result<(), Closed>,
     filter: UdFilter,
     steps: StepWatch,
     drifts: DriftWatch,
@@ -121,11 +153,17 @@ impl HealthState {
                 per_level: 0.0,
                 phi: [0.0; PARAMETERS],
                 noise_variance: 1.0,
+                error: 0.0,
+                learned_sd: 0.0,
+                noise2: 1.0,
                 hours: 0.0,
-                signatures: [0.0; CAUSES],
+                of_leakage: [0.0; LEAKAGE_SIGNATURES],
+                of_others: [0.0; OTHER_SIGNATURES],
                 unexplained: 0.0,
+                explained: [0.0; CAUSES],
             },
             gate: Gate::new(),
+            passed: Err(Closed::Filling),
             filter: UdFilter::new([0.0; PARAMETERS], [LEVEL_SD_START * LEVEL_SD_START; PARAMETERS]),
             steps: StepWatch::new(),
             drifts: DriftWatch::new(),
@@ -208,7 +246,7 @@ impl HealthState {
         let full = self.accumulator.takes(time, terms, block_us);
         if full && self.stage == Stage::Idle {
             self.block = self.accumulator.block();
-            self.stage = Stage::Gate;
+            self.stage = Stage::GateDrive;
         }
     }
 
@@ -216,34 +254,76 @@ impl HealthState {
     fn work(&mut self, params: &Params) {
         self.stage = match self.stage {
             Stage::Idle => return,
-            Stage::Gate => self.pass_gate(params),
+            Stage::GateDrive => self.pass_drive(),
+            Stage::GateRest => self.pass_rest(),
             Stage::Compare => self.compare(params),
-            Stage::Learn => self.learn(params),
-            Stage::Watch => self.watch(params),
-            Stage::Sign => self.sign(params),
-            Stage::Regress => {
-                self.judge.regress(&self.used.signatures, self.used.unexplained, self.used.noise_variance);
-                Stage::Explain
+            Stage::Innovate => self.innovate(),
+            Stage::Sum => self.sum(params),
+            Stage::FoundStep => {
+                let [level, ..] = self.filter.theta();
+                self.found(params, level, level + self.used.error, true);
+                self.filter.forget_first(LEVEL_VARIANCE_MAX, LEVEL_VARIANCE_MAX);
+                Stage::Forget
             }
+            Stage::Forget => self.forget(params),
+            Stage::Learn => {
+                self.filter.update(self.used.phi, self.block.mean.deficit, self.used.noise_variance);
+                Stage::Watch
+            }
+            Stage::Watch => self.watch(params),
+            Stage::FoundDrift => {
+                let [level, ..] = self.filter.theta();
+                self.found(params, level - self.used.error, level, false);
+                Stage::SignLeakage
+            }
+            Stage::SignLeakage => self.sign_leakage(params),
+            Stage::SignOthers => self.sign_others(params),
+            Stage::Regress => self.regress(),
             Stage::Explain => {
-                self.judge.explain(params.health.judge_blocks);
+                self.used.explained = self.judge.explained();
                 Stage::Conclude
             }
             Stage::Conclude => self.conclude(params),
+            Stage::Count => self.count(params),
+            Stage::Follow => self.follow(params),
+            Stage::Tell => {
+                self.tell(params, self.block.time);
+                Stage::Idle
+            }
         };
     }
 
     #[inline(never)]
-    fn pass_gate(&mut self, params: &Params) -> Stage {
-        self.told.gate = self.gate.takes(&self.block);
-        if self.told.gate.is_ok() {
-            return Stage::Compare;
+    fn pass_drive(&mut self) -> Stage {
+        if self.block.after_gap {
+            self.gate.restart(&self.block);
+            self.told.gate = Err(Closed::AfterGap);
+            return Stage::Tell;
         }
-        self.tell(params, self.block.time);
-        Stage::Idle
+        self.passed = Ok(());
+        let (speed, pressure) = (self.gate.speed(&self.block), self.gate.pressure(&self.block));
+        self.pass(speed, Closed::SpeedUnsteady);
+        self.pass(pressure, Closed::PressureUnsteady);
+        Stage::GateRest
     }
 
-    /// Compares the block with what the parameters predict, and looks for a step.
+    #[inline(never)]
+    fn pass_rest(&mut self) -> Stage {
+        let (displacement, deficit) = (self.gate.displacement(&self.block), self.gate.deficit(&self.block));
+        self.pass(displacement, Closed::DisplacementUnsteady);
+        self.pass(deficit, Closed::RatioUnsteady);
+        self.told.gate = self.passed;
+        if self.passed.is_ok() { Stage::Compare } else { Stage::Tell }
+    }
+
+    /// The first reason stands.
+    fn pass(&mut self, steady: bool, otherwise: Closed) {
+        if !steady && self.passed.is_ok() {
+            self.passed = Err(otherwise);
+        }
+    }
+
+    /// Sets up the model of the block's deficit.
     #[inline(never)]
     fn compare(&mut self, params: &Params) -> Stage {
         if self.used_at.is_none() {
@@ -261,37 +341,42 @@ impl HealthState {
             misfit * misfit * config.misfit_blocks + random * random / self.block.count as f32 + 1e-12;
         self.used = Used { per_level, phi, noise_variance, hours: self.hours_since(self.block.time), ..self.used };
         self.used_at = Some(self.block.time);
-        if self.judge.suspect {
-            // A sensor, not the machine, has changed: what was learned of the machine stays.
-            return Stage::Sign;
-        }
-        if self.settling == 0 {
-            let innovation = self.filter.innovation(phi, mean.deficit, 0.0);
-            let error = innovation.error / per_level;
-            let learned_sd = square_root(innovation.variance) / per_level;
-            let noise2 = noise_variance / (per_level * per_level);
-            if self.steps.takes(&params.health.step, error, noise2, learned_sd) {
-                let [level, ..] = self.filter.theta();
-                self.found(params, level, level + error, true);
-                self.filter.forget_first(LEVEL_VARIANCE_MAX, LEVEL_VARIANCE_MAX);
-            }
-        }
-        Stage::Learn
+        // A sensor, not the machine, has changed: what was learned of the machine stays.
+        if self.judge.suspect { Stage::SignLeakage } else { Stage::Innovate }
     }
 
     #[inline(never)]
-    fn learn(&mut self, params: &Params) -> Stage {
-        let used = &self.used;
-        // Forgetting: what wear may bring in the time since the last block, and more right after a change.
+    fn innovate(&mut self) -> Stage {
+        let used = &mut self.used;
+        let innovation = self.filter.innovation(used.phi, self.block.mean.deficit, 0.0);
+        let levels = 1.0 / used.per_level;
+        used.error = innovation.error * levels;
+        used.learned_sd = square_root(innovation.variance) * levels;
+        used.noise2 = used.noise_variance * levels * levels;
+        Stage::Sum
+    }
+
+    /// Looks for a step in what the parameters leave unexplained.
+    #[inline(never)]
+    fn sum(&mut self, params: &Params) -> Stage {
+        let Used { error, noise2, learned_sd, .. } = self.used;
+        if self.settling == 0 && self.steps.takes(&params.health.step, error, noise2, learned_sd) {
+            Stage::FoundStep
+        } else {
+            Stage::Forget
+        }
+    }
+
+    /// Forgets what wear may bring in the time since the last block, and more right after a change.
+    #[inline(never)]
+    fn forget(&mut self, params: &Params) -> Stage {
         let drift = params.health.config.level_drift_per_h;
-        let mut forgotten = drift * drift * used.hours;
+        let mut forgotten = drift * drift * self.used.hours;
         if self.judge.changes > 0 && self.settling > params.health.judge_blocks / 2 {
             forgotten += SETTLE_VARIANCE;
         }
         self.filter.forget_first(forgotten, LEVEL_VARIANCE_MAX);
-        self.filter.update(used.phi, self.block.mean.deficit, used.noise_variance);
-        self.filter.bound(BOUNDS);
-        Stage::Watch
+        Stage::Learn
     }
 
     /// Looks for a drift, or learns what is usual.
@@ -309,30 +394,33 @@ impl HealthState {
                 self.settling -= 1;
             }
         } else if let Some(distance) = self.drifts.takes(watched, sd, params.health.config.report_change) {
-            let [level, ..] = self.filter.theta();
-            self.found(params, level - distance, level, false);
+            self.used.error = distance;
+            return Stage::FoundDrift;
         }
-        self.trend_blocks = self.trend_blocks.saturating_add(1);
-        if self.trend_blocks >= TREND_BLOCKS {
-            let [level, ..] = self.filter.theta();
-            self.trend.takes(
-                1.0 + level,
-                f32::from(self.trend_blocks) * params.health.config.block_us as f32 / 3.6e9,
-            );
-            self.trend_blocks = 0;
-        }
-        self.tell(params, self.block.time);
-        if self.judge.changes == 0 { Stage::Idle } else { Stage::Sign }
+        if self.judge.changes == 0 { Stage::Follow } else { Stage::SignLeakage }
     }
 
-    /// Deficit that the parameters before the last change leave unexplained, and how each cause would look here.
+    /// What the parameters before the last change leave unexplained, and how each cause would look here.
     #[inline(never)]
-    fn sign(&mut self, params: &Params) -> Stage {
+    fn sign_leakage(&mut self, params: &Params) -> Stage {
         let [p1, p2, p3, p4] = self.used.phi;
         let [t1, t2, t3, t4] = self.judge.before;
         self.used.unexplained = self.block.mean.deficit - (p1 * t1 + p2 * t2 + p3 * t3 + p4 * t4);
-        self.used.signatures = signatures(&params.reduced, &params.law, &self.block.mean);
+        self.used.of_leakage = signatures_of_leakage(&params.law, &self.block.mean);
+        Stage::SignOthers
+    }
+
+    #[inline(never)]
+    fn sign_others(&mut self, params: &Params) -> Stage {
+        self.used.of_others = signatures_of_others(&params.reduced, &params.law, &self.block.mean);
         Stage::Regress
+    }
+
+    #[inline(never)]
+    fn regress(&mut self) -> Stage {
+        let used = &self.used;
+        self.judge.regress(&joined(used.of_leakage, used.of_others), used.unexplained, used.noise_variance);
+        Stage::Explain
     }
 
     #[inline(never)]
@@ -340,6 +428,7 @@ impl HealthState {
         let config = &params.health.config;
         let unexplained = self.used.unexplained / self.used.per_level;
         let judge_blocks = params.health.judge_blocks;
+        self.judge.explain(&self.used.explained, judge_blocks);
         match self.judge.judge(unexplained, config.report_change, judge_blocks) {
             Verdict::Unchanged => {}
             Verdict::SensorSuspected => {
@@ -351,12 +440,33 @@ impl HealthState {
                 self.settling = params.health.settle_blocks;
             }
         }
-        let [level, ..] = self.filter.theta();
-        self.judge.count(self.block.time, level > config.report_change, judge_blocks);
-        self.tell(params, self.block.time);
-        Stage::Idle
+        Stage::Count
     }
 
+    #[inline(never)]
+    fn count(&mut self, params: &Params) -> Stage {
+        let [level, ..] = self.filter.theta();
+        let health = &params.health;
+        self.judge.count(self.block.time, level > health.config.report_change, health.judge_blocks);
+        Stage::Follow
+    }
+
+    #[inline(never)]
+    fn follow(&mut self, params: &Params) -> Stage {
+        self.filter.bound(BOUNDS);
+        self.trend_blocks = self.trend_blocks.saturating_add(1);
+        if self.trend_blocks >= TREND_BLOCKS {
+            let [level, ..] = self.filter.theta();
+            self.trend.takes(
+                1.0 + level,
+                f32::from(self.trend_blocks) * params.health.config.block_us as f32 / 3.6e9,
+            );
+            self.trend_blocks = 0;
+        }
+        Stage::Tell
+    }
+
+    #[inline(never)]
     fn found(&mut self, params: &Params, from: f32, to: f32, step: bool) {
         let change = Judge::change(self.block.time, from, to, step);
         self.judge.found(change, self.filter.theta(), from);
@@ -382,6 +492,7 @@ impl HealthState {
     }
 
     /// Puts into words what is known at a time.
+    #[inline(never)]
     fn tell(&mut self, params: &Params, time: Micros) {
         let [level, offset, ..] = self.filter.theta();
         let [variance, ..] = self.filter.variances();
