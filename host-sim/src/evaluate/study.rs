@@ -100,7 +100,7 @@ impl Setting {
                 run.false_wear |= wear;
             }
             // Once a minute, and not in the first hour, in which level and offset are still being told apart.
-            if i % 600 == 0 && (event.is_none() || !after) {
+            if i % 1200 == 0 && (event.is_none() || !after) {
                 run.look(world.time_s(), &estimate, &health, world.level(), kou_true);
             }
             if i + 1 == samples {
