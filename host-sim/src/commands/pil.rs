@@ -16,7 +16,7 @@ use crate::calibration;
 use crate::input::InputError;
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
 use crate::record::{LogReader, LogRow};
-use crate::replay::{EstimateWriter, Figures, Summary, Trace, draw};
+use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
 
 /// Streams a log through the firmware in QEMU and compares its estimates with the host's.
 #[derive(Debug, clap::Args)]
@@ -33,6 +33,7 @@ pub struct Args {
 struct Report {
     #[serde(flatten)]
     figures: Figures,
+    health: HealthFigures,
     rows_passed_over: u64,
     samples_per_s: f64,
     mismatches: u64,
@@ -100,6 +101,7 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
         }
     });
     let (mut summary, mut trace, mut state) = (Summary::default(), Trace::default(), State::new());
+    let mut health = HealthSummary::default();
     let (mut mismatches, mut unwritten) = (0_u64, None);
     let bar = progress("through the firmware");
     let on_estimate = |_: u64, sample: &Sample, of_firmware: &Estimate| {
@@ -107,6 +109,7 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
         mismatches += u64::from(!same_bits(&of_host, of_firmware));
         // What is reported is the firmware's word, not the host's.
         summary.add(of_firmware);
+        health.add(of_firmware);
         if let Some(row) = under_way.borrow_mut().rows.pop_front() {
             trace.add(row.time_s, of_firmware);
             if let Some(writer) = &mut writer
@@ -131,6 +134,7 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
     }
     Ok(Report {
         figures: summary.figures(),
+        health: health.figures(params, &state),
         rows_passed_over: log.passed_over(),
         samples_per_s,
         mismatches,
@@ -141,8 +145,9 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
 
 fn text(report: &Report) -> String {
     format!(
-        "{}\nfirmware in QEMU: {:.0} samples per second, {} estimates differ from the host's, stack {} bytes at most",
+        "{}\n{}\nfirmware in QEMU: {:.0} samples per second, {} estimates differ from the host's, stack {} bytes at most",
         figures_text(&report.figures),
+        report.health.text(),
         report.firmware_samples_per_s,
         report.mismatches,
         report.stack_high_water_bytes

@@ -115,8 +115,8 @@ pub struct HealthState {
     told: Health,
 }
 
-/// Standard deviation of the level of a machine as it was calibrated.
-pub(super) const LEVEL_SD_START: f32 = 0.05;
+/// Standard deviation of the level before anything was learned: the machine may have worn since it was calibrated.
+pub(super) const LEVEL_SD_START: f32 = 0.3;
 /// Largest variance of the level: what is known right after a step, that is a standard deviation of 0.3.
 const LEVEL_VARIANCE_MAX: f32 = 0.09;
 /// Smallest variance of the factor on the ratio: sensors that are declared to be perfect are good to 0.01 %.
@@ -383,9 +383,9 @@ impl HealthState {
     #[inline(never)]
     fn watch(&mut self, params: &Params) -> Stage {
         if self.settling > 0 && self.judge.changes == 0 {
-            self.drifts.learn_lever(self.block.mean.ratio / self.used.per_level);
+            self.drifts.learn_usual(self.used.phi, self.used.per_level);
         }
-        let phi = [1.0, self.drifts.lever(), 0.0, 0.0];
+        let phi = self.drifts.usual();
         let watched = self.filter.predict(phi);
         let sd = square_root(self.filter.innovation(phi, 0.0, 0.0).variance);
         if self.settling > 0 {
