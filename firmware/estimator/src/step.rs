@@ -57,8 +57,11 @@ pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
     let reversed = state.last_time.is_some_and(|last| sample.time < last);
     // The new time is taken over in any case: after a clock was set back, only one sample is lost.
     state.last_time = Some(sample.time);
-    let (expected, seen) =
-        if reversed { refused(params, state, sample, Reason::TimeReversed) } else { judge(params, state, sample) };
+    let (expected, seen) = if reversed {
+        refused(params, state, sample, Reason::TimeReversed)
+    } else {
+        judge(params, state, sample)
+    };
     if expected.is_ok() && seen.is_ok() {
         state.valid = state.valid.saturating_add(1);
     }

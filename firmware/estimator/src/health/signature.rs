@@ -133,11 +133,7 @@ pub(super) fn signatures_of_leakage(law: &Law, mean: &Terms) -> [f32; LEAKAGE_SI
 
 /// The same for the causes that follow.
 #[inline]
-pub(super) fn signatures_of_others(
-    model: &ReducedModel,
-    law: &Law,
-    mean: &Terms,
-) -> [f32; OTHER_SIGNATURES] {
+pub(super) fn signatures_of_others(model: &ReducedModel, law: &Law, mean: &Terms) -> [f32; OTHER_SIGNATURES] {
     let reduced = model.config();
     let per_b = 1.0 / (reduced.motor_displacement.get() + reduced.motor_dead_volume.get() * mean.chi);
     let full_cm3 = reduced.pump_displacement.get();

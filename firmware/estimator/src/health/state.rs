@@ -339,7 +339,8 @@ impl HealthState {
         // The misfit is one value for as long as the operating point is; random errors are new in every sample.
         let noise_variance =
             misfit * misfit * config.misfit_blocks + random * random / self.block.count as f32 + 1e-12;
-        self.used = Used { per_level, phi, noise_variance, hours: self.hours_since(self.block.time), ..self.used };
+        self.used =
+            Used { per_level, phi, noise_variance, hours: self.hours_since(self.block.time), ..self.used };
         self.used_at = Some(self.block.time);
         // A sensor, not the machine, has changed: what was learned of the machine stays.
         if self.judge.suspect { Stage::SignLeakage } else { Stage::Innovate }

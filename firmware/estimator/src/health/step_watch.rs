@@ -27,7 +27,11 @@ impl StepThresholds {
         let decisions = config.run_length_h / (block_h * config.misfit_blocks);
         // Both sides together; at least e^3, below which it would answer to single plateaus.
         let limit = libm::logf(2.0 * decisions).max(3.0);
-        Self { limit, largest: 2.0 * limit / config.misfit_blocks.max(4.0), design: 2.0 * config.report_change }
+        Self {
+            limit,
+            largest: 2.0 * limit / config.misfit_blocks.max(4.0),
+            design: 2.0 * config.report_change,
+        }
     }
 }
 
