@@ -16,3 +16,4 @@ pub mod replay;
 pub mod report;
 pub mod synth;
 pub mod table;
+pub mod update;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use host_sim::commands::{
-    Failure, evaluate, identify, paper, pil, replay, report, simulate, step, synth, verify,
+    Failure, dbc, evaluate, identify, paper, pil, replay, report, simulate, step, synth, update, verify,
 };
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
@@ -27,6 +27,8 @@ enum Command {
     Simulate(simulate::Args),
     Step(step::Args),
     Paper(paper::Args),
+    Dbc(dbc::Args),
+    Update(update::Args),
 }
 
 #[test]
@@ -48,6 +50,8 @@ fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Step(args) => step::run(&args),
         Command::Paper(args) => paper::run(&args),
+        Command::Dbc(args) => dbc::run(&args),
+        Command::Update(args) => update::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

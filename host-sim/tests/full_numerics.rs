@@ -59,6 +59,10 @@ fn val_long_transient_has_the_ratio_of_the_steady_search() {
         ("reference.toml", (1000.0, 25.0, 0.02, -1.0, 60.0)),
         ("seven-piston.toml", (2000.0, 30.0, 0.02, 1.0, 60.0)),
         ("reference.toml", (2800.0, 45.0, 0.05, 0.6, 60.0)),
+        // Ratios near 6/7, 0.46 and 0.22: beats of high order, and a motor so slow that its ripple is a beat.
+        ("reference.toml", (1000.0, 36.5, 0.1, 1.0, 60.0)),
+        ("seven-piston.toml", (2251.0, 44.5, 0.0681, 0.62, 56.0)),
+        ("seven-piston.toml", (2270.0, 43.3, 0.0352, 0.31, 56.0)),
     ] {
         let model = shipped(name);
         let settings = Settings { step_deg: 0.5, ..Settings::default() };

@@ -54,10 +54,11 @@ fn val_identified_coefficients_agree_with_the_synthetic_truth() {
     let mean_pct = 100.0 * sum / 45.0;
     println!("mean error of Kou {mean_pct:.2} %, of the ratio {} %", report["ratio_error_mean_pct"]);
     // Random errors: 0.028 % of ratio (two speeds at 0.02 %) is 0.36 to 2.5 % of Kou over the grid, on average 0.7 %.
-    // The instruments' systematic errors of speed are found as displacement, that of pressure is 0.5 % of Kou.
-    assert!(mean_pct < 1.5, "{mean_pct}");
-    // Noise of 0.028 % and the misfit of a quadratic to a truth that is none.
-    assert!(report["ratio_error_mean_pct"].as_f64().unwrap() < 0.06);
+    // The instruments' systematic errors of speed are found as displacement, to 0.05 %, which is 1.5 % of Kou; that of
+    // pressure is 0.5 % of Kou. Together 1.7 %.
+    assert!(mean_pct < 2.0, "{mean_pct}");
+    // A quadratic misses the truth by 1.8 %, which is 0.1 % of ratio where leakage takes 6 % of the flow, and 0.028 % noise.
+    assert!(report["ratio_error_mean_pct"].as_f64().unwrap() < 0.15);
     assert_eq!(report["dropped_terms"].as_array().unwrap().len(), 0);
     assert!(report["condition_number"].as_f64().unwrap() < 400.0);
     for name in ["a11", "a22", "a33", "a12", "a13", "a23", "b1", "b2", "b3", "c"] {

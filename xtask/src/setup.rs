@@ -167,6 +167,25 @@ pub fn browser() {
     }
 }
 
+/// PyPI's cantools in an environment of its own below `target`, the referee of the DBC file. Its absence fails nothing: the
+/// test then says that it was skipped.
+pub fn cantools() {
+    const VERSION: &str = "cantools==45.1.0";
+    let folder = crate::workspace::root().join("target/cantools");
+    let python = folder.join("bin/python").display().to_string();
+    if works(&python, &["-c", "import cantools"]) {
+        return;
+    }
+    let folder = folder.display().to_string();
+    let made = Run::new("python3", &["-m", "venv", &folder]).succeeds().unwrap_or(false)
+        && Run::new(&python, &["-m", "pip", "install", "--quiet", VERSION]).succeeds().unwrap_or(false);
+    if !made {
+        eprintln!(
+            "warning: {VERSION} could not be installed; the test of the DBC file against it will be skipped"
+        );
+    }
+}
+
 fn is_root() -> bool {
     Run::new("id", &["-u"]).quiet().stdout().is_ok_and(|id| id.trim() == "0")
 }

@@ -23,5 +23,9 @@ extern crate std;
 
 mod log;
 
+pub mod faults;
+pub mod j1939;
 pub mod link;
+pub mod storage;
 pub mod tasks;
+pub mod update;

@@ -46,9 +46,9 @@ pub struct Args {
     /// Machine file (TOML).
     #[arg(long, value_name = "M.toml")]
     pub machine: PathBuf,
-    /// Model to invert.
-    #[arg(long, value_enum, default_value = "rom")]
-    pub model: Model,
+    /// Model to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
+    #[arg(long, value_enum)]
+    pub model: Option<Model>,
     /// Scheme.
     #[arg(long, value_enum, default_value = "joint")]
     pub scheme: Scheme,
@@ -143,9 +143,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         .map_err(|e| e.at_file(&args.bench))
     };
-    let mut result = match args.model {
-        Model::Rom => identify(None)?,
-        Model::Full => with_full_model(args, &machine, &settings, points.len(), identify)?,
+    let (model, full) = model_of(args, &machine)?;
+    let mut result = match &full {
+        None => identify(None)?,
+        Some(full) => with_full_model(args, full, &settings, points.len(), identify)?,
     };
     // The same numbers to the last digit are a row that was copied, not a measurement that was repeated.
     result.refused.extend(repeated.into_iter().map(|(point, line)| Refusal {
@@ -162,21 +163,32 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => Vec::new(),
     };
     if args.json {
-        print_json(&report(&result, &advice))
+        let mut report = report(&result, &advice);
+        report["model"] = json!(if full.is_some() { "full" } else { "rom" });
+        print_json(&report)
     } else {
-        print_text(&summary(&result, &advice, &args.out))
+        print_text(&format!("{model}{}", summary(&result, &advice, &args.out)))
+    }
+}
+
+/// The full model, where it is wanted; and what to tell about the choice.
+fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>), InputError> {
+    match (args.model, FullRatio::new(machine)) {
+        (Some(Model::Rom), _) => Ok(("reduced model, as asked\n".into(), None)),
+        (_, Ok(full)) => Ok(("full model\n".into(), Some(full))),
+        (Some(Model::Full), Err(e)) => Err(e.at_file(&args.machine)),
+        (None, Err(e)) => Ok((format!("reduced model, since the full one cannot be made: {e}\n"), None)),
     }
 }
 
 /// Identifies with the full model; answers are kept beside the calibration until it is written.
 fn with_full_model(
     args: &Args,
-    machine: &Machine,
+    full: &FullRatio,
     settings: &Settings,
     points: usize,
     identify: impl Fn(Option<&dyn RatioModel>) -> Result<Identification, InputError>,
 ) -> Result<Identification, Failure> {
-    let full = FullRatio::new(machine).map_err(|e| e.at_file(&args.machine))?;
     let partial = args.out.with_extension("partial");
     // Joint: two to three rounds and the surrogate; paper: three to four calls for each point.
     let expected = match args.scheme {
@@ -192,7 +204,7 @@ fn with_full_model(
         ticking.inc(1);
     };
     let memory = Memory::new(settings.machine_crc32, Some(&partial), tick)?;
-    let result = identify(Some(&memory.over(&full)))?;
+    let result = identify(Some(&memory.over(full)))?;
     bar.finish_and_clear();
     // It has served; a file that cannot be removed does no harm.
     drop(std::fs::remove_file(&partial));

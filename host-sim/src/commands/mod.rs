@@ -1,5 +1,6 @@
 //! The commands of `host-sim`, one module each, and how they end.
 
+pub mod dbc;
 pub mod evaluate;
 pub mod identify;
 mod lines;
@@ -11,6 +12,7 @@ pub mod report;
 pub mod simulate;
 pub mod step;
 pub mod synth;
+pub mod update;
 pub mod verify;
 
 use std::process::ExitCode;

@@ -1,7 +1,7 @@
 //! Joint identification: law, displacement ratio, bulk modulus and partial displacement settings from all points at once.
 //!
 //! Weighted least squares in the ratio domain with prior knowledge of what the points may not separate, by Gauss and
-//! Newton with a singular value decomposition of every step's whitened Jacobian (never normal equations), and Huber's
+//! Newton with a singular value decomposition of every step's whitened Jacobian (never normal equations), and robust
 //! weights against outliers. Derivatives are the reduced model's; where a better model is at hand its ratio is what is
 //! fitted: it enters as a correction to the reduced model's ratio, made again at every new solution until it no longer
 //! changes. `docs/identification.md` derives it and says what can be separated.
@@ -32,7 +32,7 @@ pub struct Prior {
 
 impl Default for Prior {
     fn default() -> Self {
-        Self { displacement: 0.02, bulk: 0.1, setting: 0.05, ratio: 3e-4, pressure_mpa: 0.03, misfit: 0.01 }
+        Self { displacement: 0.02, bulk: 0.1, setting: 0.05, ratio: 3e-4, pressure_mpa: 0.03, misfit: 0.018 }
     }
 }
 
@@ -88,6 +88,10 @@ const LARGEST_CHANGE: [f64; 2] = [0.15, 0.45];
 const STEP: f64 = 0.01;
 /// Huber's constant: 95 % efficiency for normal errors.
 const HUBER: f64 = 1.345;
+/// Residuals, in standard deviations, between which a weight falls on to nothing: a gross error has no say at all (Hampel
+/// 1974, three-part function).
+const DESCEND: f64 = 4.0;
+const VANISH: f64 = 8.0;
 const ITERATIONS: usize = 25;
 
 impl Solution {
@@ -161,7 +165,7 @@ pub fn fit(
         linear = problem.linearise(&unknowns)?;
         // The first steps find the solution that all points share; only then can an outlier be told.
         if iteration >= 2 {
-            weight = huber(&linear, &step.leverage);
+            weight = robust_weights(&linear, &step.leverage);
         }
         step = problem.solve(&linear, &unknowns, &weight, &prior_se);
         let moved = unknowns.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -314,8 +318,8 @@ impl Problem<'_> {
     }
 }
 
-/// Huber's weights of the residuals, each made comparable by its leverage, on the scale of their median.
-fn huber(linear: &Linear, leverage: &[f64]) -> Vec<f64> {
+/// Weights of the residuals, each made comparable by its leverage, on the scale of their median.
+fn robust_weights(linear: &Linear, leverage: &[f64]) -> Vec<f64> {
     let standard: Vec<f64> =
         linear.residual.iter().zip(leverage).map(|(r, h)| r.abs() / (1.0 - h).max(1e-3).sqrt()).collect();
     let mut sorted = standard.clone();
@@ -324,7 +328,11 @@ fn huber(linear: &Linear, leverage: &[f64]) -> Vec<f64> {
     // 1.4826: the standard deviation of a normal distribution over its median magnitude. Residuals far below their
     // declared errors are no outliers whatever their neighbours are.
     let scale = (1.4826 * median).max(0.3);
-    standard.into_iter().map(|r| (HUBER * scale / r.max(1e-12)).min(1.0)).collect()
+    let weight = |r: f64| {
+        let huber = (HUBER * scale / r.max(1e-12)).min(1.0);
+        huber * ((VANISH - r / scale) / (VANISH - DESCEND)).clamp(0.0, 1.0)
+    };
+    standard.into_iter().map(weight).collect()
 }
 
 /// How the ratio at hypothetical points would depend on the unknowns, each row divided by its standard error.

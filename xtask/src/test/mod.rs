@@ -53,6 +53,7 @@ impl Report {
 pub fn run() -> Result<ExitCode> {
     setup::run()?;
     setup::browser();
+    setup::cantools();
     let workspace = Workspace::load()?;
     let mut report = Report { tally: Tally::default(), failed_stages: Vec::new() };
 

@@ -1,0 +1,250 @@
+//! The controller on the bus: address claim, requests, periodic messages and diagnostics, in one place.
+//!
+//! It holds no driver and no clock: [`Node::receive`] takes what came, [`Node::poll`] gives what is to be sent. Nothing
+//! that comes from the bus makes it send more than one answer a call, or keep more than a fixed number of things to do.
+
+use kou_estimator::Estimate;
+use kou_estimator::health::Health;
+use kou_estimator::units::Micros;
+
+use super::catalogue::{
+    ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
+    LEAKAGE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
+};
+use super::diagnostics::{self, List};
+use super::publish::{self, CalibrationState};
+use super::signal::Message;
+use super::transport::Broadcast;
+use super::{Claim, Frame, GLOBAL, Id, Name, Pgn};
+use crate::faults::FaultMemory;
+
+/// Proprietary A: the calibration update's group, see `crate::update`.
+pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
+/// Kind of acknowledgement: the group is not sent by this controller.
+const NEGATIVE: u32 = 1;
+
+/// What the periodic messages are made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Outputs<'a> {
+    /// The latest estimate.
+    pub estimate: &'a Estimate,
+    /// What has been learned; nothing where health is not learned, and then nothing is sent of it.
+    pub health: Option<&'a Health>,
+    /// The calibration in use.
+    pub calibration: CalibrationState,
+    /// Troubles.
+    pub faults: &'a FaultMemory,
+}
+
+/// What a frame was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Received {
+    /// Nothing of this controller's business.
+    Nothing,
+    /// Handled here.
+    Handled,
+    /// A step of a calibration update, for `crate::update`.
+    Update {
+        /// Who sent it.
+        source: u8,
+        /// What it says.
+        data: [u8; 8],
+    },
+}
+
+/// Periodic messages, in the order in which they leave.
+const PERIODIC: [&Message; 5] = [&LEAKAGE, &EFFICIENCY, &VALIDITY, &HEALTH, &STATUS];
+
+/// The controller on the bus.
+#[derive(Debug, Clone)]
+pub struct Node {
+    claim: Claim,
+    broadcast: Broadcast,
+    due: [Micros; PERIODIC.len()],
+    dm1_due: Micros,
+    /// Whether the last DM1 held a trouble: the one after the last trouble is still sent.
+    dm1_held: bool,
+    dm1_asked: bool,
+    dm2_asked: bool,
+    refuse: Option<(u8, Pgn)>,
+    counter: u8,
+    heard: Option<Micros>,
+}
+
+impl Node {
+    /// A controller that will claim `preferred` (0 to 253).
+    #[must_use]
+    pub const fn new(name: Name, preferred: u8) -> Self {
+        Self {
+            claim: Claim::new(name, preferred),
+            broadcast: Broadcast::new(),
+            due: [Micros(0); PERIODIC.len()],
+            dm1_due: Micros(0),
+            dm1_held: false,
+            dm1_asked: false,
+            dm2_asked: false,
+            refuse: None,
+            counter: 0,
+            heard: None,
+        }
+    }
+
+    /// The source address, once it is claimed.
+    #[must_use]
+    pub fn address(&self) -> Option<u8> {
+        self.claim.address()
+    }
+
+    /// Whether every address was lost, which is [`crate::faults::Code::AddressLost`].
+    #[must_use]
+    pub fn is_silenced(&self) -> bool {
+        self.claim.is_silent()
+    }
+
+    /// When the last frame came from anybody; for [`crate::faults::Code::BusSilent`].
+    #[must_use]
+    pub fn heard(&self) -> Option<Micros> {
+        self.heard
+    }
+
+    /// Claims the preferred address anew, as after a bus-off.
+    pub fn restart(&mut self) {
+        self.claim.restart();
+        self.broadcast.stop();
+    }
+
+    /// Takes a frame from the bus.
+    pub fn receive(&mut self, now: Micros, frame: &Frame) -> Received {
+        self.heard = Some(now);
+        let id = frame.id();
+        let is_for_me = id.destination() == GLOBAL || Some(id.destination()) == self.address();
+        if id.pgn() == ADDRESS_CLAIMED.pgn && id.destination() == GLOBAL {
+            if let Some(name) = frame.full() {
+                let had = self.address();
+                self.claim.receive(now, id.source(), Name::from_bytes(*name));
+                if had.is_some() && self.address().is_none() {
+                    // Nothing more is said under an address that is another's now.
+                    self.broadcast.stop();
+                }
+                return Received::Handled;
+            }
+        } else if id.pgn() == REQUEST.pgn && is_for_me {
+            if let Some(wanted) = frame.data().first_chunk::<3>() {
+                self.asked(now, &id, Pgn::from_le_bytes(*wanted));
+                return Received::Handled;
+            }
+        } else if id.pgn() == UPDATE
+            && Some(id.destination()) == self.address()
+            && let Some(data) = frame.full()
+        {
+            return Received::Update { source: id.source(), data: *data };
+        }
+        Received::Nothing
+    }
+
+    /// Frame of an answer of a calibration update; nothing without an address.
+    #[must_use]
+    pub fn update_answer(&self, tool: u8, answer: [u8; 8]) -> Option<Frame> {
+        let source = self.address()?;
+        Some(Frame::new(Id::new(UPDATE_ANSWER.priority, UPDATE, tool, source), answer))
+    }
+
+    fn asked(&mut self, now: Micros, id: &Id, wanted: Pgn) {
+        if wanted == ADDRESS_CLAIMED.pgn {
+            self.claim.asked(now);
+        } else if wanted == DM1.pgn {
+            self.dm1_asked = true;
+        } else if wanted == DM2.pgn {
+            self.dm2_asked = true;
+        } else if let Some((_, due)) =
+            PERIODIC.iter().zip(&mut self.due).find(|(message, _)| message.pgn == wanted)
+        {
+            *due = now;
+        } else if id.destination() != GLOBAL {
+            self.refuse = Some((id.source(), wanted));
+        }
+    }
+
+    /// The next frame that is due; to be called until there is none, every 10 ms or so.
+    pub fn poll(&mut self, now: Micros, outputs: &Outputs<'_>) -> Option<Frame> {
+        if let Some(frame) = self.claim.poll(now) {
+            return Some(frame);
+        }
+        let source = self.address()?;
+        if let Some((address, pgn)) = self.refuse.take() {
+            let mut data = [0xFF; 8];
+            ACK_CONTROL.put_raw(&mut data, NEGATIVE);
+            ACK_ADDRESS.put_raw(&mut data, u32::from(address));
+            ACK_PGN.put_raw(&mut data, pgn.get());
+            return Some(frame_of(&ACKNOWLEDGEMENT, source, data));
+        }
+        self.diagnostics(now, source, outputs.faults)
+            .or_else(|| self.broadcast.poll(now, source))
+            .or_else(|| self.periodic(now, source, outputs))
+    }
+
+    fn diagnostics(&mut self, now: Micros, source: u8, faults: &FaultMemory) -> Option<Frame> {
+        // Both lists share the one transport: while it is busy, they wait.
+        if self.broadcast.is_busy() {
+            return None;
+        }
+        let has_active = faults.active().next().is_some();
+        let is_due = now >= self.dm1_due;
+        if is_due {
+            self.dm1_due = later(now, &DM1);
+        }
+        if self.dm1_asked || is_due && (has_active || self.dm1_held) {
+            self.dm1_asked = false;
+            self.dm1_held = has_active;
+            return self.tell(now, source, &DM1, &diagnostics::list(faults, List::Active));
+        }
+        if core::mem::take(&mut self.dm2_asked) {
+            return self.tell(now, source, &DM2, &diagnostics::list(faults, List::Previous));
+        }
+        None
+    }
+
+    /// A list in one frame where it fits; else its announcement.
+    fn tell(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
+        match <[u8; 8]>::try_from(bytes) {
+            Ok(data) => Some(frame_of(message, source, data)),
+            Err(_) if self.broadcast.start(now, message.pgn, bytes) => self.broadcast.poll(now, source),
+            Err(_) => None,
+        }
+    }
+
+    fn periodic(&mut self, now: Micros, source: u8, outputs: &Outputs<'_>) -> Option<Frame> {
+        for (message, due) in PERIODIC.iter().zip(&mut self.due) {
+            if now < *due {
+                continue;
+            }
+            // Kept in step, unless so late that messages would follow one another without a pause.
+            let in_step = Micros(due.0.saturating_add(1000 * u64::from(message.period_ms)));
+            *due = if in_step > now { in_step } else { later(now, message) };
+            let data = if message.pgn == LEAKAGE.pgn {
+                publish::leakage(outputs.estimate)
+            } else if message.pgn == EFFICIENCY.pgn {
+                publish::efficiency(outputs.estimate)
+            } else if message.pgn == VALIDITY.pgn {
+                self.counter = self.counter.wrapping_add(1);
+                publish::validity(outputs.estimate, self.counter)
+            } else if message.pgn == STATUS.pgn {
+                publish::status(outputs.calibration, outputs.health)
+            } else if let Some(health) = outputs.health {
+                publish::health(health)
+            } else {
+                continue;
+            };
+            return Some(frame_of(message, source, data));
+        }
+        None
+    }
+}
+
+fn later(now: Micros, message: &Message) -> Micros {
+    Micros(now.0.saturating_add(1000 * u64::from(message.period_ms)))
+}
+
+fn frame_of(message: &Message, source: u8, data: [u8; 8]) -> Frame {
+    Frame::new(Id::new(message.priority, message.pgn, GLOBAL, source), data)
+}

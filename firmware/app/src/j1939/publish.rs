@@ -1,0 +1,199 @@
+//! Estimates and health as messages: what stands in each is told by the catalogue, and here where it comes from.
+
+use kou_estimator::health::{Cause, Closed, Health, Stage};
+use kou_estimator::region::Direction;
+use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Seen};
+
+use super::catalogue as c;
+use super::signal::{Absent, Signal};
+
+/// Bytes of a message before anything is written: bits of no signal are ones.
+const BLANK: [u8; 8] = [0xFF; 8];
+
+/// Where the calibration in use comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum CalibrationSource {
+    /// There is none: nothing is estimated.
+    #[default]
+    None,
+    /// The one that the firmware was built with.
+    Default,
+    /// The one in flash.
+    Stored,
+}
+
+/// The calibration in use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CalibrationState {
+    /// Where it comes from.
+    pub source: CalibrationSource,
+    /// CRC-32 at the end of its record; 0 without one.
+    pub crc: u32,
+}
+
+/// Number of a reason in [`c::REASONS`].
+#[must_use]
+pub const fn reason_code(reason: Reason) -> u32 {
+    match reason {
+        Reason::Sensor(..) => 1,
+        Reason::TimeReversed => 2,
+        Reason::SpeedTooLow => 3,
+        Reason::DisplacementTooSmall => 4,
+        Reason::NotLoaded => 5,
+        Reason::LawNotPositive => 6,
+        Reason::LeakageTakesFlow => 7,
+        Reason::RatioNotPositive => 8,
+        Reason::RatioAboveLeakFree => 9,
+        Reason::KouImplausible => 10,
+        Reason::OutsideRegion(direction) => 16 + direction_code(direction),
+    }
+}
+
+const fn direction_code(direction: Direction) -> u32 {
+    match direction {
+        Direction::Speed => 0,
+        Direction::Pressure => 1,
+        Direction::Temperature => 2,
+        Direction::SpeedPlusPressure => 3,
+        Direction::SpeedMinusPressure => 4,
+        Direction::SpeedPlusTemperature => 5,
+        Direction::SpeedMinusTemperature => 6,
+        Direction::PressurePlusTemperature => 7,
+        Direction::PressureMinusTemperature => 8,
+    }
+}
+
+const fn channel_code(channel: Channel) -> u32 {
+    match channel {
+        Channel::PumpSpeed => 0,
+        Channel::HighPressure => 1,
+        Channel::LowPressure => 2,
+        Channel::OilTemperature => 3,
+        Channel::Displacement => 4,
+        Channel::MotorSpeed => 5,
+        Channel::Flow => 6,
+    }
+}
+
+const fn fault_code(fault: Fault) -> u32 {
+    match fault {
+        Fault::NotFitted => 0,
+        Fault::Missing => 1,
+        Fault::Open => 2,
+        Fault::Short => 3,
+        Fault::Stale => 4,
+        Fault::Future => 5,
+        Fault::OutOfRange => 6,
+        Fault::NotFinite => 7,
+        Fault::Stuck => 8,
+        Fault::Rate => 9,
+    }
+}
+
+const fn stage_code(stage: Stage) -> u32 {
+    match stage {
+        Stage::Absent => 0,
+        Stage::Pending => 1,
+        Stage::Confirmed => 2,
+        Stage::Healed => 3,
+    }
+}
+
+const fn gate_code(gate: Result<(), Closed>) -> u32 {
+    match gate {
+        Ok(()) => 0,
+        Err(Closed::Sample(_)) => 1,
+        Err(Closed::Filling) => 2,
+        Err(Closed::AfterGap) => 3,
+        Err(Closed::SpeedUnsteady) => 4,
+        Err(Closed::PressureUnsteady) => 5,
+        Err(Closed::DisplacementUnsteady) => 6,
+        Err(Closed::RatioUnsteady) => 7,
+    }
+}
+
+/// A number where the part is valid; where it is not, the reason stands in [`validity`].
+fn put<T>(data: &mut [u8; 8], signal: &Signal, part: &Result<T, Reason>, number: impl Fn(&T) -> f32) {
+    signal.put(data, part.as_ref().map(number).map_err(|_| Absent::NotAvailable));
+}
+
+/// Message [`c::LEAKAGE`].
+#[must_use]
+pub fn leakage(estimate: &Estimate) -> [u8; 8] {
+    let mut data = BLANK;
+    put(&mut data, &c::KOU_EXPECTED, &estimate.expected, |e: &Expected| e.kou.get());
+    put(&mut data, &c::KOU_EXPECTED_SE, &estimate.expected, |e: &Expected| e.kou_se.get());
+    put(&mut data, &c::KOU_SEEN, &estimate.seen, |s: &Seen| s.kou.get());
+    put(&mut data, &c::KOU_SEEN_SE, &estimate.seen, |s: &Seen| s.kou_se.get());
+    data
+}
+
+/// Message [`c::EFFICIENCY`].
+#[must_use]
+pub fn efficiency(estimate: &Estimate) -> [u8; 8] {
+    let mut data = BLANK;
+    let (expected, seen) = (&estimate.expected, &estimate.seen);
+    put(&mut data, &c::EFFICIENCY_EXPECTED, expected, |e: &Expected| 100.0 * e.volumetric_efficiency.get());
+    put(&mut data, &c::EFFICIENCY_SEEN, seen, |s: &Seen| 100.0 * s.volumetric_efficiency.get());
+    put(&mut data, &c::FLOW_EXPECTED, expected, |e: &Expected| e.leakage.get());
+    put(&mut data, &c::FLOW_SEEN, seen, |s: &Seen| s.leakage.get());
+    data
+}
+
+fn put_reason(data: &mut [u8; 8], [reason, channel, fault]: [&Signal; 3], why: Option<Reason>) {
+    reason.put_raw(data, why.map_or(0, reason_code));
+    if let Some(Reason::Sensor(of, what)) = why {
+        channel.put_raw(data, channel_code(of));
+        fault.put_raw(data, fault_code(what));
+    }
+}
+
+/// Message [`c::VALIDITY`]; `counter` counts the messages.
+#[must_use]
+pub fn validity(estimate: &Estimate, counter: u8) -> [u8; 8] {
+    let mut data = BLANK;
+    let expected = [&c::EXPECTED_REASON, &c::EXPECTED_CHANNEL, &c::EXPECTED_FAULT];
+    put_reason(&mut data, expected, estimate.expected.err());
+    put_reason(&mut data, [&c::SEEN_REASON, &c::SEEN_CHANNEL, &c::SEEN_FAULT], estimate.seen.err());
+    put(&mut data, &c::WEAR_RATIO, &estimate.wear_ratio(), |ratio| ratio.get());
+    c::ESTIMATE_COUNTER.put_raw(&mut data, u32::from(counter));
+    data
+}
+
+/// Message [`c::HEALTH`].
+#[must_use]
+pub fn health(health: &Health) -> [u8; 8] {
+    let mut data = BLANK;
+    c::LEVEL.put(&mut data, Ok(health.level.get()));
+    c::LEVEL_SE.put(&mut data, Ok(health.level_se.get()));
+    c::RATIO_OFFSET.put(&mut data, Ok(health.ratio_offset.get()));
+    c::WEAR_STAGE.put_raw(&mut data, stage_code(health.wear));
+    c::SENSOR_STAGE.put_raw(&mut data, stage_code(health.sensor));
+    c::GATE.put_raw(&mut data, gate_code(health.gate));
+    data
+}
+
+/// Message [`c::STATUS`].
+#[must_use]
+pub fn status(calibration: CalibrationState, health: Option<&Health>) -> [u8; 8] {
+    let mut data = BLANK;
+    c::CALIBRATION_CRC.put_raw(&mut data, calibration.crc);
+    let source = match calibration.source {
+        CalibrationSource::None => 0,
+        CalibrationSource::Default => 1,
+        CalibrationSource::Stored => 2,
+    };
+    c::CALIBRATION_SOURCE.put_raw(&mut data, source);
+    c::CHANGES.put_raw(&mut data, u32::from(health.map_or(0, |h| h.changes).min(255)));
+    let remaining = |h: &Health| {
+        Cause::ALL
+            .into_iter()
+            .enumerate()
+            .filter(|(_, cause)| h.causes.contains(*cause))
+            .fold(0, |bits, (place, _)| bits | 1_u32.wrapping_shl(place as u32))
+    };
+    c::CAUSES.put_raw(&mut data, health.map_or(0, remaining));
+    data
+}

@@ -1,0 +1,227 @@
+//! Records in flash, each in two copies.
+//!
+//! sequential-storage appends items and moves the live ones on before it erases a page. It finds a damaged item by its
+//! CRC, and then would give the item before it: an older record, with no word. So every record is written twice, with a
+//! sequence number: the newer copy is the record, and [`Store::heal`] writes a copy that is damaged, missing or older
+//! anew from the other one.
+//!
+//! No cache is kept: what is in RAM cannot disagree with the flash, and dropping the store costs nothing.
+
+use core::ops::Range;
+
+use embedded_storage_async::nor_flash::NorFlash;
+use kou_estimator::calibration::record::MAX_LEN;
+use sequential_storage::Error as FlashError;
+use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::map::{MapConfig, MapStorage, Value};
+
+use super::record::{Copy, DecodeError, HEAD, Kind, Outgoing, Raw, Record, TAIL};
+
+/// Bytes that hold any record with its frame and key: the calibration's, with counter (5) and length (3), is the longest.
+pub const BUFFER_LEN: usize = (1 + HEAD + 8 + MAX_LEN + TAIL).next_multiple_of(32);
+/// Smallest flash region: all records twice, what pages leave unused, and the page that is empty in turn.
+pub const MIN_BYTES: u32 = 16 * 1024;
+
+/// How often a write is tried. A bit that is damaged where nothing was written yet makes the flash refuse to program its
+/// word; the library steps over what that leaves behind, so the next attempt goes elsewhere.
+const ATTEMPTS: u8 = 3;
+
+/// Why a region of flash cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SetUpError {
+    /// Begin or end of the region is not that of a page, or a page or a word has a size that cannot be used.
+    Pages,
+    /// The region is smaller than [`MIN_BYTES`].
+    TooSmall,
+    /// A page is too small for the longest record.
+    PageTooSmall,
+}
+
+/// Why a record is not read or written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum StoreError {
+    /// The flash driver refused.
+    Flash,
+    /// There is no room: the region is too small, or worn out.
+    Full,
+    /// The region is beyond repair; [`Store::erase`] makes it usable and loses everything in it.
+    Corrupted,
+    /// The record is longer than [`BUFFER_LEN`] allows.
+    TooLong,
+    /// The record was written by a version whose schema this one does not read.
+    Schema {
+        /// Which record.
+        kind: Kind,
+        /// Its schema.
+        found: u16,
+    },
+    /// The record is whole, but not what its kind and schema say.
+    Body(Kind),
+}
+
+impl<E> From<FlashError<E>> for StoreError {
+    fn from(error: FlashError<E>) -> Self {
+        match error {
+            FlashError::Storage { .. } => Self::Flash,
+            FlashError::FullStorage => Self::Full,
+            FlashError::BufferTooBig
+            | FlashError::BufferTooSmall(_)
+            | FlashError::SerializationError(_)
+            | FlashError::ItemTooBig => Self::TooLong,
+            // What the library may add is not known here, and is not repaired here.
+            _ => Self::Corrupted,
+        }
+    }
+}
+
+/// What [`Store::heal`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Healed {
+    /// Copies that were written anew.
+    pub copies: u8,
+}
+
+/// Working memory; aligned because some flash drivers copy by words.
+#[repr(align(32))]
+struct Buffer([u8; BUFFER_LEN]);
+
+/// The records in one region of flash.
+pub struct Store<F: NorFlash> {
+    map: MapStorage<u8, F, Cache<Uncached, Uncached, Uncached, u8>>,
+    buffer: Buffer,
+}
+
+impl<F: NorFlash> Store<F> {
+    /// Takes a region of a flash; its content, if any, is that of an earlier run.
+    ///
+    /// # Errors
+    /// When the region cannot be used.
+    pub fn new(flash: F, region: Range<u32>) -> Result<Self, SetUpError> {
+        if region.end.saturating_sub(region.start) < MIN_BYTES {
+            return Err(SetUpError::TooSmall);
+        }
+        // Two page marks and the item's head, each a word of at most 32 bytes.
+        if F::ERASE_SIZE < BUFFER_LEN.saturating_add(96) {
+            return Err(SetUpError::PageTooSmall);
+        }
+        let config = MapConfig::try_new(region).map_err(|_| SetUpError::Pages)?;
+        Ok(Self {
+            map: MapStorage::new(flash, config, Cache::new_uncached()),
+            buffer: Buffer([0; BUFFER_LEN]),
+        })
+    }
+
+    /// The flash, for a driver that has more to tell. Writing to the region through it destroys records.
+    pub fn flash(&mut self) -> &mut F {
+        self.map.flash()
+    }
+
+    /// Gives the flash back.
+    pub fn into_flash(self) -> F {
+        self.map.destroy().0
+    }
+
+    /// The newest record of its kind; nothing where none was ever written, or both copies are damaged.
+    ///
+    /// # Errors
+    /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
+    pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
+        let Some((_, newest)) = self.newest(R::KIND).await? else { return Ok(None) };
+        let key = R::KIND.key(newest);
+        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
+        // It was whole a moment ago; if it is not now, the flash is failing.
+        let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
+        raw.decode().map(Some).map_err(|error| match error {
+            DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
+            DecodeError::Body => StoreError::Body(R::KIND),
+        })
+    }
+
+    /// Writes a record, both copies. To be awaited to its end.
+    ///
+    /// # Errors
+    /// When it does not fit or the flash refuses. What was there before is then still there, or already replaced whole.
+    pub async fn write<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
+        let newest = self.newest(R::KIND).await?;
+        // The copy that is not the newest goes first: until it is whole, the newest is the record.
+        let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
+        let first = if last == Copy::A { Copy::B } else { Copy::A };
+        for copy in [first, last] {
+            let key = R::KIND.key(copy);
+            self.put(key, &Outgoing { key, sequence: sequence.saturating_add(1), record }).await?;
+        }
+        Ok(())
+    }
+
+    /// Writes copies that are damaged, missing or older anew from the newer ones: at every start, and from time to time.
+    /// To be awaited to its end. `scratch` needs [`BUFFER_LEN`] bytes.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub async fn heal(&mut self, scratch: &mut [u8]) -> Result<Healed, StoreError> {
+        let mut healed = Healed::default();
+        for kind in Kind::ALL {
+            let [a, b] = [self.sequence(kind.key(Copy::A)).await?, self.sequence(kind.key(Copy::B)).await?];
+            let (from, to) = match (a, b) {
+                (None, Some(_)) => (Copy::B, Copy::A),
+                (Some(_), None) => (Copy::A, Copy::B),
+                (Some(a), Some(b)) if a < b => (Copy::B, Copy::A),
+                (Some(a), Some(b)) if a > b => (Copy::A, Copy::B),
+                _ => continue,
+            };
+            let key = kind.key(from);
+            let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
+            let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
+            let key = kind.key(to);
+            self.put(key, &Raw { key, ..raw }).await?;
+            healed.copies = healed.copies.saturating_add(1);
+        }
+        Ok(healed)
+    }
+
+    /// Erases the whole region: every record is lost, the counter against replayed updates too. For the workshop, and for
+    /// a region that is [`StoreError::Corrupted`].
+    ///
+    /// # Errors
+    /// When the flash refuses.
+    pub async fn erase(&mut self) -> Result<(), StoreError> {
+        Ok(self.map.erase_all().await?)
+    }
+
+    /// Writes one copy.
+    async fn put<'a>(&mut self, key: u8, value: &impl Value<'a>) -> Result<(), StoreError> {
+        let mut result = Err(StoreError::Flash);
+        for _ in 0..ATTEMPTS {
+            if result != Err(StoreError::Flash) {
+                break;
+            }
+            result = self.map.store_item(&mut self.buffer.0, &key, value).await.map_err(StoreError::from);
+        }
+        result
+    }
+
+    /// Sequence number of a copy that is whole.
+    async fn sequence(&mut self, key: u8) -> Result<Option<u32>, StoreError> {
+        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await;
+        match raw {
+            Ok(raw) => Ok(raw.and_then(|raw| raw.under(key)).map(|raw| raw.sequence)),
+            // No frame, or a damaged one, whatever the library thinks of it.
+            Err(FlashError::SerializationError(_)) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// The newest copy and its sequence number.
+    async fn newest(&mut self, kind: Kind) -> Result<Option<(u32, Copy)>, StoreError> {
+        let [a, b] = [self.sequence(kind.key(Copy::A)).await?, self.sequence(kind.key(Copy::B)).await?];
+        Ok(match (a, b) {
+            (Some(a), Some(b)) if b > a => Some((b, Copy::B)),
+            (Some(a), _) => Some((a, Copy::A)),
+            (None, Some(b)) => Some((b, Copy::B)),
+            (None, None) => None,
+        })
+    }
+}

@@ -1,0 +1,356 @@
+//! The controller's side of update and reading: one transfer at a time, every step guarded.
+//!
+//! ```text
+//! idle --begin--> receiving --data..., commit, all checks--> writing --stored--> idle (swapped)
+//!  |                 |  refusal, abort, 1 s of silence --> idle (nothing changed)
+//!  '--read--> filling --filled--> reading --1 s of silence, begin, abort--> idle
+//! ```
+//!
+//! The session does neither flash nor swap: it says what is [to do](Todo), and is told how it went. It needs one buffer
+//! for one transfer, its own.
+
+use heapless::String;
+use kou_estimator::calibration::record;
+use kou_estimator::units::{Megapascal, Micros};
+use kou_estimator::{Params, Sample};
+
+use super::mac::{self, KeySource, TAG_LEN};
+use super::wire::{Answer, Command, segment, transfer_len};
+use super::{BUFFER_LEN, Refusal};
+
+/// Longest silence of a tool in the middle of a transfer.
+pub const TIME_OUT: Micros = Micros(1_000_000);
+/// Shortest record: less cannot hold head and CRC.
+const MIN_LEN: usize = 12;
+/// Fastest pump that counts as standing still, where the pressure is not known, r/min.
+const STANDSTILL_RPM: f32 = 1.0;
+
+/// Which machine a calibration is for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Machine {
+    /// Type of machine.
+    pub name: String<48>,
+    /// Serial number; empty where the calibration is for the type.
+    pub serial: String<32>,
+}
+
+impl Machine {
+    /// Whether a calibration for `other` may take the place of one for this machine: of the same type, and of the same
+    /// serial number where this one has one. So a controller that was delivered with its type's calibration takes
+    /// one of any machine of the type, once; from then on it belongs to that machine.
+    #[must_use]
+    pub fn takes(&self, other: &Self) -> bool {
+        self.name == other.name && (self.serial.is_empty() || self.serial == other.serial)
+    }
+}
+
+/// Whether the drive is loaded: the lines' pressure difference is at least `least_difference`, the calibration's
+/// `limits.min_pressure_difference_mpa`. What is not known counts as loaded, but where the pressure is not known a pump at
+/// standstill counts as not loaded: a calibration with wrong sensor ranges could never be replaced otherwise.
+#[must_use]
+pub fn is_loaded(sample: &Sample, least_difference: Megapascal) -> bool {
+    match sample.high_pressure.value {
+        Ok(high) => {
+            let low = sample.low_pressure.value.map_or(0.0, |low| low.get());
+            let difference = high.get() - low;
+            // NaN is not below anything, so it counts as loaded.
+            let is_unloaded = difference < least_difference.get();
+            !is_unloaded
+        }
+        Err(_) => !sample.pump_speed.value.is_ok_and(|n| n.get().abs() < STANDSTILL_RPM),
+    }
+}
+
+/// What an update must get past.
+#[derive(Clone, Copy)]
+pub struct Guard<'a> {
+    /// Whether the drive is loaded, by [`is_loaded`].
+    pub loaded: bool,
+    /// The key.
+    pub keys: &'a dyn KeySource,
+    /// Counter of the last accepted update.
+    pub counter: u32,
+    /// The machine of the calibration in use; nothing where none is in use: then the first one is taken.
+    pub machine: Option<&'a Machine>,
+}
+
+/// What can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum What {
+    /// Record of the calibration in use.
+    Calibration,
+    /// Learned state: [`crate::storage::HealthRecord`] in postcard's wire format.
+    Health,
+}
+
+impl What {
+    const fn number(self) -> u8 {
+        match self {
+            Self::Calibration => 1,
+            Self::Health => 2,
+        }
+    }
+
+    const fn from_number(number: u8) -> Option<Self> {
+        match number {
+            1 => Some(Self::Calibration),
+            2 => Some(Self::Health),
+            _ => None,
+        }
+    }
+}
+
+/// What the caller is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Todo {
+    /// Write [`Session::record`] with this counter to flash, then call [`Session::stored`]; then take it into use.
+    Store {
+        /// Counter of the update.
+        counter: u32,
+    },
+    /// Call [`Session::fill`] with what is to be read.
+    Fill(What),
+}
+
+/// What a step led to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Outcome {
+    /// To be sent back to this address.
+    pub answer: Option<(u8, Answer)>,
+    /// To be recorded as [`crate::faults::Code::UpdateRefused`].
+    pub refused: Option<Refusal>,
+    /// To be done.
+    pub todo: Option<Todo>,
+}
+
+impl Outcome {
+    fn answer(to: u8, answer: Answer) -> Self {
+        Self { answer: Some((to, answer)), ..Self::default() }
+    }
+
+    fn refusal(to: u8, command: u8, why: Refusal, detail: u32) -> Self {
+        Self { refused: Some(why), ..Self::answer(to, Answer::Refused { command, why, detail }) }
+    }
+
+    fn todo(todo: Todo) -> Self {
+        Self { todo: Some(todo), ..Self::default() }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Idle,
+    Receiving { length: usize, counter: u32, filled: usize },
+    Writing { length: usize },
+    Filling { what: What },
+    Reading { length: usize },
+}
+
+/// The one transfer that can be under way.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Session {
+    stage: Stage,
+    tool: u8,
+    last: Micros,
+    buffer: [u8; BUFFER_LEN],
+}
+
+impl Default for Session {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Session {
+    /// Nothing under way.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { stage: Stage::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
+    }
+
+    /// Whether nothing is under way. Then the buffer serves as scratch memory, see [`scratch`](Self::scratch).
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.stage == Stage::Idle
+    }
+
+    /// The buffer, for other use while nothing is under way, as at start-up.
+    pub fn scratch(&mut self) -> Option<&mut [u8]> {
+        self.is_idle().then_some(&mut self.buffer[..])
+    }
+
+    /// The checked record, while it is to be written and taken into use; empty at any other time.
+    #[must_use]
+    pub fn record(&self) -> &[u8] {
+        match self.stage {
+            Stage::Writing { length } => self.buffer.get(..length).unwrap_or_default(),
+            _ => &[],
+        }
+    }
+
+    /// Takes what a tool sent. `command` are the eight bytes of its frame.
+    pub fn receive(&mut self, now: Micros, tool: u8, command: [u8; 8], guard: &Guard<'_>) -> Outcome {
+        let [number, ..] = command;
+        let refuse = |why| Outcome::refusal(tool, number, why, 0);
+        if matches!(self.stage, Stage::Writing { .. } | Stage::Filling { .. })
+            || !self.is_idle() && tool != self.tool
+        {
+            return refuse(Refusal::Busy);
+        }
+        let Some(command) = Command::from_bytes(command) else { return refuse(Refusal::Unknown) };
+        self.last = now;
+        match self.step(tool, command, guard) {
+            Ok(outcome) => outcome,
+            Err(why) => {
+                // Whatever was under way is over: a refused transfer is begun anew.
+                self.stage = Stage::Idle;
+                let detail = if why == Refusal::OldCounter { guard.counter } else { 0 };
+                Outcome::refusal(tool, number, why, detail)
+            }
+        }
+    }
+
+    fn step(&mut self, tool: u8, command: Command, guard: &Guard<'_>) -> Result<Outcome, Refusal> {
+        match (command, self.stage) {
+            (Command::Begin { length, counter }, _) => {
+                self.stage = begin(usize::from(length), counter, guard)?;
+                self.tool = tool;
+                Ok(Outcome::answer(tool, Answer::Begun))
+            }
+            (Command::Data { number, bytes }, Stage::Receiving { length, counter, filled }) => {
+                let filled = self.take(usize::from(number), &bytes, length, filled)?;
+                self.stage = Stage::Receiving { length, counter, filled };
+                Ok(Outcome::answer(tool, Answer::Taken { next: number.wrapping_add(1) }))
+            }
+            (Command::Commit, Stage::Receiving { length, counter, filled }) => {
+                self.check(length, counter, filled, guard)?;
+                self.stage = Stage::Writing { length };
+                Ok(Outcome::todo(Todo::Store { counter }))
+            }
+            (Command::Abort, _) => {
+                self.stage = Stage::Idle;
+                Ok(Outcome::answer(tool, Answer::Aborted))
+            }
+            (Command::Read { what }, Stage::Idle | Stage::Reading { .. }) => {
+                let what = What::from_number(what).ok_or(Refusal::Unknown)?;
+                self.stage = Stage::Filling { what };
+                self.tool = tool;
+                Ok(Outcome::todo(Todo::Fill(what)))
+            }
+            (Command::Next { number }, Stage::Reading { length }) => {
+                let bytes = self.buffer.get(..length).unwrap_or_default();
+                let bytes = segment(bytes, number).ok_or(Refusal::OutOfOrder)?;
+                Ok(Outcome::answer(tool, Answer::Segment { number, bytes }))
+            }
+            (Command::Read { .. }, _) => Err(Refusal::Busy),
+            (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => Err(Refusal::NoTransfer),
+        }
+    }
+
+    /// Takes one segment; it must be the one that is due.
+    fn take(&mut self, number: usize, bytes: &[u8], length: usize, filled: usize) -> Result<usize, Refusal> {
+        let total = transfer_len(length);
+        let rest = self.buffer.get_mut(filled..total).unwrap_or_default();
+        if number.saturating_mul(bytes.len()) != filled || rest.is_empty() {
+            return Err(Refusal::OutOfOrder);
+        }
+        for (slot, byte) in rest.iter_mut().zip(bytes) {
+            *slot = *byte;
+        }
+        Ok(filled.saturating_add(bytes.len()).min(total))
+    }
+
+    /// Everything that must hold before the record is written.
+    fn check(&self, length: usize, counter: u32, filled: usize, guard: &Guard<'_>) -> Result<(), Refusal> {
+        if filled < transfer_len(length) {
+            return Err(Refusal::Incomplete);
+        }
+        if guard.loaded {
+            return Err(Refusal::Loaded);
+        }
+        // It may have been raised by another way since the transfer began.
+        if counter <= guard.counter {
+            return Err(Refusal::OldCounter);
+        }
+        let key = guard.keys.update_key().ok_or(Refusal::NoKey)?;
+        let record = self.buffer.get(..length).ok_or(Refusal::Length)?;
+        let tag = self.buffer.get(length..).and_then(|rest| rest.get(..TAG_LEN)).ok_or(Refusal::Length)?;
+        if !mac::is_authentic(&key, counter, record, tag) {
+            return Err(Refusal::Mac);
+        }
+        check_record(record, guard.machine)
+    }
+
+    /// Told how writing went; gives the answer to the tool. The record is gone with it: take it into use before.
+    pub fn stored(&mut self, is_written: bool) -> Outcome {
+        let crc = crate::storage::calibration::crc_of(self.record());
+        if !matches!(core::mem::replace(&mut self.stage, Stage::Idle), Stage::Writing { .. }) {
+            return Outcome::default();
+        }
+        if is_written {
+            Outcome::answer(self.tool, Answer::Committed { crc })
+        } else {
+            Outcome::refusal(self.tool, 3, Refusal::Storage, 0)
+        }
+    }
+
+    /// Told what is to be read: `write` fills a buffer and says how long it is, or that there is nothing.
+    pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> Outcome {
+        let Stage::Filling { what } = self.stage else { return Outcome::default() };
+        let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
+        let Some((length, on_wire)) = length.and_then(|l| Some((l, u16::try_from(l).ok()?))) else {
+            self.stage = Stage::Idle;
+            return Outcome::refusal(self.tool, 0x11, Refusal::NothingStored, 0);
+        };
+        self.stage = Stage::Reading { length };
+        self.last = now;
+        let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
+        Outcome::answer(self.tool, Answer::ToBeRead { what: what.number(), length: on_wire, crc })
+    }
+
+    /// Ends a transfer whose tool has fallen silent. To be called every 100 ms or so.
+    pub fn poll(&mut self, now: Micros) -> Outcome {
+        let is_late = now.0.saturating_sub(self.last.0) > TIME_OUT.0;
+        match self.stage {
+            Stage::Receiving { .. } if is_late => {
+                self.stage = Stage::Idle;
+                Outcome::refusal(self.tool, 2, Refusal::TimeOut, 0)
+            }
+            // A tool that stops reading has read enough.
+            Stage::Reading { .. } if is_late => {
+                self.stage = Stage::Idle;
+                Outcome::default()
+            }
+            _ => Outcome::default(),
+        }
+    }
+}
+
+fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Refusal> {
+    if guard.keys.update_key().is_none() {
+        return Err(Refusal::NoKey);
+    }
+    if guard.loaded {
+        return Err(Refusal::Loaded);
+    }
+    if counter <= guard.counter {
+        return Err(Refusal::OldCounter);
+    }
+    if !(MIN_LEN..=record::MAX_LEN).contains(&length) {
+        return Err(Refusal::Length);
+    }
+    Ok(Stage::Receiving { length, counter, filled: 0 })
+}
+
+/// The whole record: readable, for this machine, and past every check that the estimator makes.
+fn check_record(bytes: &[u8], machine: Option<&Machine>) -> Result<(), Refusal> {
+    let calibration = record::decode(bytes).map_err(|_| Refusal::Record)?;
+    let of = &calibration.machine;
+    let candidate = Machine { name: of.name.clone(), serial: of.serial.clone() };
+    if machine.is_some_and(|machine| !machine.takes(&candidate)) {
+        return Err(Refusal::WrongMachine);
+    }
+    Params::new(&calibration).map(drop).map_err(|_| Refusal::Field)
+}

@@ -1,0 +1,215 @@
+//! Commands and answers of the update, eight bytes each, in frames of proprietary A (PGN 61184).
+//!
+//! ```text
+//! command   byte 0  1        2..7
+//! begin        01   version  length u16 LE (of the record), counter u32 LE
+//! data         02   number   six bytes of record and tag, the last segment filled up with FF
+//! commit       03   FF
+//! abort        04   FF
+//! read         11   what     FF                             1: calibration in use, 2: learned state
+//! next         12   number   FF
+//!
+//! answer    byte 0  1        2..7
+//! begun        81   version  FF
+//! taken        82   number   of the segment that is due next, FF
+//! committed    83   FF       FF FF, CRC-32 of the record u32 LE
+//! aborted      84   FF
+//! to be read   91   what     length u16 LE, CRC-32 of all bytes u32 LE
+//! segment      92   number   six bytes, the last segment filled up with FF
+//! refused      7F   command  number of the refusal, FF, detail u32 LE (old counter: the last one)
+//! ```
+
+use super::{Refusal, TAG_LEN};
+
+/// Version of this protocol.
+pub const VERSION: u8 = 1;
+/// Bytes of a transfer in one segment.
+pub const SEGMENT: usize = 6;
+
+const BEGIN: u8 = 0x01;
+const DATA: u8 = 0x02;
+const COMMIT: u8 = 0x03;
+const ABORT: u8 = 0x04;
+const READ: u8 = 0x11;
+const NEXT: u8 = 0x12;
+const ANSWER: u8 = 0x80;
+const REFUSED: u8 = 0x7F;
+
+/// What a tool asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Command {
+    /// Begins an update.
+    Begin {
+        /// Bytes of the record, without the tag.
+        length: u16,
+        /// Counter of the update.
+        counter: u32,
+    },
+    /// The next six bytes.
+    Data {
+        /// Number of the segment, from 0.
+        number: u8,
+        /// The bytes.
+        bytes: [u8; SEGMENT],
+    },
+    /// All was sent: check it, write it, use it.
+    Commit,
+    /// Forget the transfer.
+    Abort,
+    /// Begins a reading: 1 the calibration in use, 2 the learned state.
+    Read {
+        /// What.
+        what: u8,
+    },
+    /// Asks for six bytes of what is read.
+    Next {
+        /// Number of the segment, from 0.
+        number: u8,
+    },
+}
+
+impl Command {
+    /// The command in these bytes; nothing when this version knows none.
+    #[must_use]
+    pub const fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
+        let [command, one, b2, b3, b4, b5, b6, b7] = bytes;
+        Some(match command {
+            BEGIN if one == VERSION => Self::Begin {
+                length: u16::from_le_bytes([b2, b3]),
+                counter: u32::from_le_bytes([b4, b5, b6, b7]),
+            },
+            DATA => Self::Data { number: one, bytes: [b2, b3, b4, b5, b6, b7] },
+            COMMIT => Self::Commit,
+            ABORT => Self::Abort,
+            READ => Self::Read { what: one },
+            NEXT => Self::Next { number: one },
+            _ => return None,
+        })
+    }
+
+    /// The bytes of the command.
+    #[must_use]
+    pub const fn to_bytes(self) -> [u8; 8] {
+        match self {
+            Self::Begin { length, counter } => {
+                let [l0, l1] = length.to_le_bytes();
+                let [c0, c1, c2, c3] = counter.to_le_bytes();
+                [BEGIN, VERSION, l0, l1, c0, c1, c2, c3]
+            }
+            Self::Data { number, bytes: [b0, b1, b2, b3, b4, b5] } => [DATA, number, b0, b1, b2, b3, b4, b5],
+            Self::Commit => filled(COMMIT, 0xFF),
+            Self::Abort => filled(ABORT, 0xFF),
+            Self::Read { what } => filled(READ, what),
+            Self::Next { number } => filled(NEXT, number),
+        }
+    }
+}
+
+/// What the controller answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Answer {
+    /// The update may be sent.
+    Begun,
+    /// The segment was taken.
+    Taken {
+        /// Number of the segment that is due next.
+        next: u8,
+    },
+    /// The calibration is in flash and in use.
+    Committed {
+        /// CRC-32 of its record.
+        crc: u32,
+    },
+    /// The transfer is forgotten.
+    Aborted,
+    /// What was asked for can be read.
+    ToBeRead {
+        /// What.
+        what: u8,
+        /// Its length in bytes.
+        length: u16,
+        /// CRC-32/ISO-HDLC of its bytes.
+        crc: u32,
+    },
+    /// Six bytes of what is read.
+    Segment {
+        /// Number of the segment.
+        number: u8,
+        /// The bytes.
+        bytes: [u8; SEGMENT],
+    },
+    /// The command was not obeyed.
+    Refused {
+        /// First byte of the command.
+        command: u8,
+        /// Why.
+        why: Refusal,
+        /// More, of some refusals.
+        detail: u32,
+    },
+}
+
+impl Answer {
+    /// The answer in these bytes; nothing when this version knows none.
+    #[must_use]
+    pub fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
+        let [answer, one, b2, b3, b4, b5, b6, b7] = bytes;
+        let last = u32::from_le_bytes([b4, b5, b6, b7]);
+        Some(match answer {
+            REFUSED => Self::Refused { command: one, why: Refusal::from_number(b2)?, detail: last },
+            _ => match answer.checked_sub(ANSWER)? {
+                BEGIN => Self::Begun,
+                DATA => Self::Taken { next: one },
+                COMMIT => Self::Committed { crc: last },
+                ABORT => Self::Aborted,
+                READ => Self::ToBeRead { what: one, length: u16::from_le_bytes([b2, b3]), crc: last },
+                NEXT => Self::Segment { number: one, bytes: [b2, b3, b4, b5, b6, b7] },
+                _ => return None,
+            },
+        })
+    }
+
+    /// The bytes of the answer.
+    #[must_use]
+    pub const fn to_bytes(self) -> [u8; 8] {
+        match self {
+            Self::Begun => filled(ANSWER | BEGIN, VERSION),
+            Self::Taken { next } => filled(ANSWER | DATA, next),
+            Self::Committed { crc } => with_word(ANSWER | COMMIT, 0xFF, [0xFF; 2], crc),
+            Self::Aborted => filled(ANSWER | ABORT, 0xFF),
+            Self::ToBeRead { what, length, crc } => with_word(ANSWER | READ, what, length.to_le_bytes(), crc),
+            Self::Segment { number, bytes: [b0, b1, b2, b3, b4, b5] } => {
+                [ANSWER | NEXT, number, b0, b1, b2, b3, b4, b5]
+            }
+            Self::Refused { command, why, detail } => {
+                with_word(REFUSED, command, [why.number(), 0xFF], detail)
+            }
+        }
+    }
+}
+
+const fn filled(first: u8, second: u8) -> [u8; 8] {
+    [first, second, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]
+}
+
+const fn with_word(first: u8, second: u8, [third, fourth]: [u8; 2], word: u32) -> [u8; 8] {
+    let [w0, w1, w2, w3] = word.to_le_bytes();
+    [first, second, third, fourth, w0, w1, w2, w3]
+}
+
+/// Bytes of a transfer of a record of this length.
+pub(super) const fn transfer_len(record_len: usize) -> usize {
+    record_len.saturating_add(TAG_LEN)
+}
+
+/// Segment of these bytes, filled up with FF; nothing behind their end.
+pub(super) fn segment(bytes: &[u8], number: u8) -> Option<[u8; SEGMENT]> {
+    let chunk = bytes.chunks(SEGMENT).nth(usize::from(number))?;
+    let mut out = [0xFF; SEGMENT];
+    for (slot, byte) in out.iter_mut().zip(chunk) {
+        *slot = *byte;
+    }
+    Some(out)
+}

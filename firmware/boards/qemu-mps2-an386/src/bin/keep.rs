@@ -1,0 +1,99 @@
+//! Storage under power cuts, frames and the authentication tag, on the target: what the host's tests do at length, done
+//! again in small by the very code that a controller runs. Prints what it did; a failure is a panic. No part of the
+//! product.
+#![no_std]
+#![no_main]
+
+use cortex_m_rt::entry;
+use embassy_futures::block_on;
+use kou_app::faults::{Code, FaultMemory, Snapshot};
+use kou_app::j1939::publish;
+use kou_app::storage::ram::Torn;
+use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError};
+use kou_app::update::{Key, mac};
+use kou_estimator::calibration::record::crc32;
+use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
+use kou_estimator::{Channel, Estimate, Expected, Fault, Reason};
+use kou_qemu_mps2_an386::QemuMps2An386;
+use kou_qemu_mps2_an386::exit::Exit;
+use semihosting::eprintln;
+
+type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+
+fn store(flash: Flash) -> Store<Flash> {
+    match Store::new(flash, 0..MIN_BYTES) {
+        Ok(store) => store,
+        Err(_) => panic!("the region cannot be used"),
+    }
+}
+
+fn life(seconds: u32) -> Life {
+    let mut life = Life::new();
+    life.started(ResetCause::BrownOut);
+    life.ran(seconds);
+    life
+}
+
+fn faults(at: u32) -> FaultMemory {
+    let mut memory = FaultMemory::new();
+    for code in Code::all().take(6) {
+        memory.confirmed(code, Snapshot::at(at));
+    }
+    memory
+}
+
+/// Cuts the supply at every byte of a write; the number of cuts.
+fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), StoreError>) -> usize {
+    let mut whole = store(base.clone());
+    let before = whole.flash().worked();
+    assert!(write(&mut whole).is_ok());
+    let places = whole.flash().worked() - before;
+    for place in 0..places {
+        let mut flash = base.clone();
+        flash.cut_after(place, if place % 2 == 0 { Torn::Clean } else { Torn::Random(place as u32) });
+        let mut cut_off = store(flash);
+        assert!(write(&mut cut_off).is_err());
+        let mut flash = cut_off.into_flash();
+        flash.power_on();
+        let mut after = store(flash);
+        assert!(block_on(after.heal(&mut [0; BUFFER_LEN])).is_ok());
+        let found = block_on(after.read::<Life>());
+        assert!(matches!(found, Ok(Some(found)) if found == life(1) || found == life(2)));
+        let found = block_on(after.read::<FaultMemory>());
+        assert!(matches!(&found, Ok(Some(found)) if found.entries() == faults(1).entries()
+            || found.entries() == faults(2).entries()));
+        assert!(write(&mut after).is_ok());
+    }
+    places
+}
+
+/// CRC-32 over the frames of an estimate, for the host to compare with its own.
+fn frames() -> u32 {
+    let estimate = Estimate {
+        time: Micros(0),
+        expected: Ok(Expected {
+            kou: LeakageCoefficient(0.08),
+            kou_se: LeakageCoefficient(0.002),
+            ratio: Ratio(0.95),
+            volumetric_efficiency: Ratio(0.95),
+            leakage: LitrePerMin(12.5),
+        }),
+        seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
+    };
+    let parts =
+        [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)];
+    crc32(parts.as_flattened())
+}
+
+#[entry]
+fn main() -> ! {
+    QemuMps2An386::init();
+    let mut base = store(Flash::new());
+    assert!(block_on(base.write(&life(1))).is_ok() && block_on(base.write(&faults(1))).is_ok());
+    let base = base.into_flash();
+    let lives = cut_everywhere(&base, |store| block_on(store.write(&life(2))));
+    let memories = cut_everywhere(&base, |store| block_on(store.write(&faults(2))));
+    let tag = mac::tag(&Key::new([7; 32]), 1, b"record").map_or(0, |tag| crc32(&tag));
+    eprintln!("cuts {} frames {:08x} tag {:08x}", lives + memories, frames(), tag);
+    Exit::Shutdown.now()
+}

@@ -1,0 +1,72 @@
+//! The controller on the CAN bus: what hostile frames can do ([`hostile`]), and what an independent decoder makes of its
+//! own ([`capture`]).
+
+mod capture;
+mod hostile;
+mod meaning;
+
+use std::path::{Path, PathBuf};
+
+use kou_app::faults::{Code, Dtc};
+use kou_app::j1939::catalogue as c;
+use kou_app::j1939::{Name, NameConfig};
+use kou_app::update::{Key, KeySource};
+use kou_estimator::units::Micros;
+use kou_tests::samples::Random;
+
+const ADDRESS: u8 = 0x27;
+const DRIVE: u8 = 0x03;
+const TOOL: u8 = 0xF9;
+
+fn ms(ms: u64) -> Micros {
+    Micros(1000 * ms)
+}
+
+fn identity() -> NameConfig {
+    NameConfig::transmission(0x12345)
+}
+
+fn name() -> Name {
+    Name::new(&identity()).unwrap()
+}
+
+struct TestKey(Key);
+
+impl KeySource for TestKey {
+    fn update_key(&self) -> Option<Key> {
+        Some(self.0.clone())
+    }
+}
+
+fn key() -> TestKey {
+    let mut random = Random(0xC0FFEE);
+    TestKey(Key::new(std::array::from_fn(|_| random.bits() as u8)))
+}
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+#[test]
+fn every_trouble_code_group_and_refusal_is_documented() {
+    let read = |name: &str| std::fs::read_to_string(workspace().join("docs").join(name)).unwrap();
+    let (can, update) = (read("can.md"), read("calibration-update.md"));
+    for code in Code::all() {
+        let Dtc { spn, fmi } = code.dtc();
+        match code {
+            Code::Sensor(channel, fault) => {
+                assert!(can.contains(&format!("| {spn} |\n")), "{channel:?}");
+                assert!(can.contains(&format!("| {} | {fmi} |", fault.name())), "{fault:?}");
+            }
+            Code::UpdateRefused(why) => {
+                let row = format!("| {} | {} |", spn - 520_208, why.name());
+                assert!(update.contains(&row), "{row}");
+            }
+            _ => assert!(can.contains(&format!("| {spn} | {fmi} |")), "{code:?}"),
+        }
+    }
+    for message in c::ALL {
+        let is_named = can.contains(&message.pgn.get().to_string());
+        assert!(is_named, "{}", message.name);
+    }
+}

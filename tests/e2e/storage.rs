@@ -1,0 +1,227 @@
+//! Records in flash against power cuts at every byte of every write, and against every damaged bit.
+
+use embassy_futures::block_on;
+use kou_app::faults::{Code, FaultMemory, Snapshot};
+use kou_app::storage::ram::Torn;
+use kou_app::storage::{
+    BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError,
+    StoredCalibration,
+};
+use kou_estimator::health::{HealthConfig, HealthParams, HealthState, observe};
+use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
+use kou_estimator::{Reading, Sample};
+use kou_tests::{record_of, reference_calibration, reference_params};
+
+/// Region as on the STM32G474 in dual-bank mode: eight pages of 2 KiB, words of 8 bytes.
+type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+
+/// One version of every record; versions differ in every field that can differ.
+#[derive(Debug, Clone, PartialEq)]
+struct Records {
+    counter: u32,
+    calibration: Vec<u8>,
+    health: HealthRecord,
+    faults: FaultMemory,
+    life: Life,
+}
+
+/// State after some plateaus of driving that depend on the version.
+fn learned(version: u32) -> HealthState {
+    let (calibration, params) = (reference_calibration(), reference_params());
+    let health = HealthParams::new(&HealthConfig::for_law(&calibration.law), &params).unwrap();
+    let mut state = HealthState::new();
+    for i in 0..4_000_u32 {
+        let time = Micros(u64::from(version) * 1_000_000_000 + u64::from(i) * 10_000);
+        let plateau = f32::from(u16::try_from(i / 1000 + version % 7).unwrap());
+        let mut sample = Sample::empty(time);
+        let n_p = 1200.0 + 100.0 * plateau;
+        sample.pump_speed = Reading::new(time, RevPerMin(n_p));
+        sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
+        sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
+        sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
+        let judged = observe(&params, &health, &mut state, &sample);
+        assert!(judged.level.get() > 0.0);
+    }
+    state
+}
+
+fn version(number: u32) -> Records {
+    let mut calibration = reference_calibration();
+    calibration.law.c += 1e-4 * f32::from(u16::try_from(number).unwrap());
+    let calibration = record_of(&calibration);
+    let mut faults = FaultMemory::new();
+    for (i, code) in Code::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
+        faults.confirmed(code, Snapshot::at(1000 * number + i as u32));
+    }
+    let mut life = Life::new();
+    life.started(ResetCause::Watchdog);
+    life.ran(360 * number);
+    let health = HealthRecord { calibration_crc: number, state: learned(number) };
+    Records { counter: number, calibration, health, faults, life }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Part {
+    Calibration,
+    Health,
+    Faults,
+    Life,
+}
+
+const PARTS: [Part; 4] = [Part::Calibration, Part::Health, Part::Faults, Part::Life];
+
+fn store(flash: Flash) -> Store<Flash> {
+    Store::new(flash, 0..MIN_BYTES).unwrap()
+}
+
+fn write(store: &mut Store<Flash>, part: Part, records: &Records) -> Result<(), StoreError> {
+    let calibration = StoredCalibration { counter: records.counter, record: &records.calibration };
+    block_on(async {
+        match part {
+            Part::Calibration => store.write(&calibration).await,
+            Part::Health => store.write(&records.health).await,
+            Part::Faults => store.write(&records.faults).await,
+            Part::Life => store.write(&records.life).await,
+        }
+    })
+}
+
+/// Which of the candidates a record in flash is; nothing when it is absent.
+fn found(store: &mut Store<Flash>, part: Part, candidates: &[&Records]) -> Option<usize> {
+    block_on(async {
+        match part {
+            Part::Calibration => {
+                let read = store.read::<StoredCalibration<'_>>().await.unwrap()?;
+                candidates.iter().position(|c| c.counter == read.counter && c.calibration == read.record)
+            }
+            Part::Health => {
+                let read = store.read::<HealthRecord>().await.unwrap()?;
+                candidates.iter().position(|c| c.health == read)
+            }
+            Part::Faults => {
+                let read = store.read::<FaultMemory>().await.unwrap()?;
+                candidates.iter().position(|c| c.faults.entries() == read.entries())
+            }
+            Part::Life => {
+                let read = store.read::<Life>().await.unwrap()?;
+                candidates.iter().position(|c| c.life == read)
+            }
+        }
+    })
+}
+
+fn heal(store: &mut Store<Flash>) -> Result<Healed, StoreError> {
+    block_on(store.heal(&mut [0; BUFFER_LEN]))
+}
+
+#[test]
+fn power_cut_at_every_byte_of_every_write_leaves_the_old_or_the_new_record() {
+    let versions: Vec<Records> = (0..3).map(version).collect();
+    let [old, new, third] = [&versions[0], &versions[1], &versions[2]];
+    let mut base = store(Flash::new());
+    // Enough to go round all pages: from then on pages are moved and erased.
+    for part in PARTS.into_iter().cycle().take(80) {
+        write(&mut base, part, old).unwrap();
+    }
+    let mut base = base.into_flash();
+    let (mut cuts, mut kept_old, mut with_erasure) = (0_u32, 0_u32, 0_u32);
+    // Each round begins at another fill of the pages, so that writes with and without moving and erasing are cut.
+    for round in 0..5 {
+        for part in PARTS {
+            let mut whole = store(base.clone());
+            let before = (whole.flash().worked(), whole.flash().erasures());
+            write(&mut whole, part, new).unwrap();
+            let bytes = whole.flash().worked() - before.0;
+            with_erasure += u32::from(whole.flash().erasures() > before.1);
+            for cut in 0..bytes {
+                cuts += 1;
+                let torn = if cut % 2 == 0 { Torn::Clean } else { Torn::Random(cut as u32 + round) };
+                let mut flash = base.clone();
+                flash.cut_after(cut, torn);
+                let mut cut_off = store(flash);
+                assert_eq!(write(&mut cut_off, part, new), Err(StoreError::Flash), "{part:?}, byte {cut}");
+                let mut flash = cut_off.into_flash();
+                flash.power_on();
+
+                let mut after = store(flash);
+                let which = found(&mut after, part, &[old, new]);
+                let which = which.unwrap_or_else(|| panic!("{part:?}, byte {cut}: neither old nor new"));
+                kept_old += u32::from(which == 0);
+                // Power fails again while the copies are put right, and then they are put right.
+                after.flash().cut_after((cut * 7) % 900, torn);
+                heal(&mut after).ok();
+                let mut flash = after.into_flash();
+                flash.power_on();
+                let mut after = store(flash);
+                heal(&mut after).unwrap();
+                let again = found(&mut after, part, &[old, new]);
+                assert_eq!(again, Some(which), "{part:?}, byte {cut}: changed by healing");
+                for other in PARTS.into_iter().filter(|other| *other != part) {
+                    let same = found(&mut after, other, &[old]);
+                    assert_eq!(same, Some(0), "{part:?}, byte {cut}: {other:?} lost");
+                }
+                // Always writable again.
+                write(&mut after, part, third).unwrap();
+                assert_eq!(found(&mut after, part, &[third]), Some(0), "{part:?}, byte {cut}");
+            }
+        }
+        let mut next = store(base);
+        for part in PARTS.into_iter().cycle().take(3 + round as usize) {
+            write(&mut next, part, old).unwrap();
+        }
+        base = next.into_flash();
+    }
+    println!("{cuts} cuts, {kept_old} times the old record; {with_erasure} of 20 writes erased a page");
+    assert!((1..20).contains(&with_erasure), "writes with and without an erasure are cut");
+    assert!(cuts >= 5000, "{cuts}");
+    assert!(kept_old > cuts / 4 && kept_old < cuts * 3 / 4, "both outcomes occur: {kept_old} of {cuts}");
+}
+
+/// Flips one bit after the other, every `stride`th; the number of them.
+fn damage(whole: &Flash, [old, new]: [&Records; 2], stride: usize) -> (usize, u32) {
+    let used = whole.clone().cells().iter().rposition(|byte| *byte != 0xFF).unwrap() + 64;
+    let bits = (0..8 * used.min(MIN_BYTES as usize)).step_by(stride);
+    let mut healed = 0_u32;
+    for bit in bits.clone() {
+        let mut flash = whole.clone();
+        flash.cells()[bit / 8] ^= 1 << (bit % 8);
+        let mut damaged = store(flash);
+        for part in PARTS {
+            assert_eq!(found(&mut damaged, part, &[new]), Some(0), "{part:?}, bit {bit}");
+        }
+        if bit % 97 == 0 {
+            healed += u32::from(heal(&mut damaged).unwrap().copies);
+            for part in PARTS {
+                assert_eq!(found(&mut damaged, part, &[new]), Some(0), "{part:?}, bit {bit}: healing");
+                write(&mut damaged, part, old).unwrap();
+                assert_eq!(found(&mut damaged, part, &[old]), Some(0), "{part:?}, bit {bit}: writing");
+            }
+        }
+    }
+    (bits.len(), healed)
+}
+
+#[test]
+fn every_damaged_bit_is_corrected() {
+    let versions: Vec<Records> = (0..2).map(version).collect();
+    let [old, new] = [&versions[0], &versions[1]];
+    let mut whole = store(Flash::new());
+    // An older record of each kind lies beneath the newest: it must never come back.
+    for records in [old, new] {
+        for part in PARTS {
+            write(&mut whole, part, records).unwrap();
+        }
+    }
+    let (bits, healed) = damage(&whole.into_flash(), [old, new], 1);
+    println!("{bits} bits, {healed} copies written anew");
+    assert!(healed > 0);
+    // Where pages have been moved and erased, records lie in all of them, with older ones between.
+    let mut moved = store(Flash::new());
+    for (i, part) in PARTS.into_iter().cycle().take(103).enumerate() {
+        write(&mut moved, part, if i < 99 { old } else { new }).unwrap();
+    }
+    assert!(moved.flash().erasures() > 8);
+    let (bits, healed) = damage(&moved.into_flash(), [old, new], 1);
+    println!("{bits} bits where pages were moved, {healed} copies written anew");
+    assert!(healed > 0);
+}
