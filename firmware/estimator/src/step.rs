@@ -28,6 +28,12 @@ impl State {
         Self { last_time: None, samples: 0, valid: 0, health: HealthState::new() }
     }
 
+    /// State before the first sample of a machine of which this much has been learned before.
+    #[must_use]
+    pub const fn with_health(health: HealthState) -> Self {
+        Self { last_time: None, samples: 0, valid: 0, health }
+    }
+
     /// Number of samples seen; stays at its maximum instead of wrapping.
     #[must_use]
     pub const fn samples(&self) -> u32 {
