@@ -184,7 +184,6 @@ fn main() -> ! {
     let (worst_of_drive, valid_of_drive) = worst_step(&drive);
     let (worst_of_rig, valid_of_rig) = worst_step(&rig);
     let driving = worst_of_driving(&drive).max(worst_of_driving(&rig));
-    hprintln!("step_driving_worst_instructions {}", driving);
     hprintln!("step_worst_instructions {}", worst_of_drive.max(worst_of_rig).max(driving));
     hprintln!("samples {}", 2 * SAMPLES);
     hprintln!("samples_valid {}", valid_of_drive + valid_of_rig);
