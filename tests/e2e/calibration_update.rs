@@ -5,12 +5,15 @@ use host_sim::update::{Addresses, candump, frames};
 use kou_app::faults::{Code, FaultMemory, Snapshot};
 use kou_app::j1939::CalibrationSource;
 use kou_app::j1939::node::UPDATE;
-use kou_app::storage::{Kind, MIN_BYTES, RamFlash, Record, Store, StoredCalibration, load};
+use kou_app::storage::ram::Torn;
+use kou_app::storage::{HealthRecord, Kind, MIN_BYTES, RamFlash, Record, Store, StoredCalibration, load};
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{
-    Guard, Key, KeySource, Machine, NoKey, Outcome, Refusal, Session, Todo, Transfer, is_loaded, mac,
+    Guard, Handled, Key, KeySource, Machine, NoKey, Outcome, Refusal, Service, Session, Todo, Transfer,
+    is_loaded, mac,
 };
 use kou_estimator::calibration::record;
+use kou_estimator::health::HealthState;
 use kou_estimator::units::{Megapascal, Micros, RevPerMin};
 use kou_estimator::{Calibration, Fault, Reading, Sample};
 use kou_tests::samples::Random;
@@ -407,4 +410,55 @@ fn val_the_tag_agrees_with_an_independent_hmac_and_depends_on_all_that_it_covers
     assert!(mac::is_authentic(&key, 0x0403_0201, &record, &tag));
     assert!(!mac::is_authentic(&key, 0x0403_0201, &record, &tag[..31]));
     assert!(!mac::is_authentic(&TestKey::new(4).0, 0x0403_0201, &record, &tag));
+}
+
+#[test]
+fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
+    let key = TestKey::new(1);
+    let default = record_of(&with_serial(reference_calibration(), ""));
+    let store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+    let (mut service, loaded) = block_on(Service::start(store, TestKey::new(1), Some(&default)));
+    assert_eq!(loaded.live.unwrap().state.source, CalibrationSource::Default);
+    let record = record_of(&changed(0.001));
+    let send = |service: &mut Service<'_, _, TestKey>, counter: u32, tool_key: &TestKey, loaded: bool| {
+        let mut last = Handled::default();
+        for (number, command) in transfer(&record, counter, tool_key).commands().enumerate() {
+            let now = Micros(1000 * number as u64);
+            last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, None));
+            if last.trouble.is_some() {
+                break;
+            }
+        }
+        last
+    };
+    let refused = send(&mut service, 1, &TestKey::new(2), false);
+    assert_eq!(refused.trouble, Some(Code::UpdateRefused(Refusal::Mac)));
+    assert!(refused.live.is_none());
+    assert_eq!(send(&mut service, 1, &key, true).trouble, Some(Code::UpdateRefused(Refusal::Loaded)));
+    let taken = send(&mut service, 1, &key, false);
+    let crc = record::crc32(&record[..record.len() - 4]);
+    assert_eq!(taken.answer, Some((TOOL, Answer::Committed { crc })));
+    assert_eq!(taken.live.unwrap().state.crc, crc);
+    assert_eq!(send(&mut service, 1, &key, false).trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
+    // What is read is what is in use now; learned state only where there is one.
+    let read = |service: &mut Service<'_, _, TestKey>, what, health: Option<&HealthRecord>| {
+        let command = Command::Read { what }.to_bytes();
+        block_on(service.receive(Micros(0), TOOL, command, false, health)).answer.unwrap().1
+    };
+    let length = u16::try_from(record.len()).unwrap();
+    assert_eq!(
+        read(&mut service, 1, None),
+        Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) }
+    );
+    assert!(matches!(read(&mut service, 2, None), Answer::Refused { why: Refusal::NothingStored, .. }));
+    let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
+    assert!(matches!(read(&mut service, 2, Some(&health)), Answer::ToBeRead { what: 2, .. }));
+    assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a tool that stops reading has read enough");
+    // A flash that fails in the middle: refused, nothing given out, nothing more taken until a restart.
+    service.store().flash().cut_after(300, Torn::Clean);
+    let failed = send(&mut service, 2, &key, false);
+    assert_eq!(failed.trouble, Some(Code::UpdateRefused(Refusal::Storage)));
+    assert!(failed.live.is_none());
+    service.store().flash().power_on();
+    assert_eq!(send(&mut service, 3, &key, false).trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
 }

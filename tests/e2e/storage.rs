@@ -9,8 +9,8 @@ use kou_app::storage::{
 };
 use kou_estimator::health::HealthState;
 use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
-use kou_estimator::{Reading, Sample};
-use kou_estimator::{State, step};
+use kou_estimator::{Reading, Sample, State, step};
+use kou_tests::samples::Random;
 use kou_tests::{record_of, reference_calibration, reference_params};
 
 /// Region as on the STM32G474 in dual-bank mode: eight pages of 2 KiB, words of 8 bytes.
@@ -86,10 +86,10 @@ fn write(store: &mut Store<Flash>, part: Part, records: &Records) -> Result<(), 
     })
 }
 
-/// Which of the candidates a record in flash is; nothing when it is absent.
+/// Which of the candidates a record in flash is; nothing when it is absent. Anything else is a mix.
 fn found(store: &mut Store<Flash>, part: Part, candidates: &[&Records]) -> Option<usize> {
-    block_on(async {
-        match part {
+    let which = block_on(async {
+        Some(match part {
             Part::Calibration => {
                 let read = store.read::<StoredCalibration<'_>>().await.unwrap()?;
                 candidates.iter().position(|c| c.counter == read.counter && c.calibration == read.record)
@@ -106,8 +106,9 @@ fn found(store: &mut Store<Flash>, part: Part, candidates: &[&Records]) -> Optio
                 let read = store.read::<Life>().await.unwrap()?;
                 candidates.iter().position(|c| c.life == read)
             }
-        }
-    })
+        })
+    });
+    which.map(|which| which.unwrap_or_else(|| panic!("{part:?}: neither of what was written")))
 }
 
 fn heal(store: &mut Store<Flash>) -> Result<Healed, StoreError> {
@@ -224,4 +225,73 @@ fn every_damaged_bit_is_corrected() {
     let (bits, healed) = damage(&moved.into_flash(), [old, new], 1);
     println!("{bits} bits where pages were moved, {healed} copies written anew");
     assert!(healed > 0);
+}
+
+#[test]
+fn prop_whatever_stands_in_flash_is_a_record_or_an_error_and_erasing_it_helps() {
+    let versions: Vec<Records> = (0..2).map(version).collect();
+    let [old, new] = [&versions[0], &versions[1]];
+    let mut whole = store(Flash::new());
+    for part in PARTS.into_iter().cycle().take(90) {
+        write(&mut whole, part, old).unwrap();
+    }
+    let whole = whole.into_flash();
+    let mut random = Random(3);
+    let (mut still_writable, mut lost, mut erased) = (0, 0, 0);
+    for _ in 0..1500 {
+        let mut flash = whole.clone();
+        let cells = flash.cells();
+        // Some damage, or a page of noise, zeros or nothing, or noise all over.
+        match random.below(4) {
+            0 => (0..random.below(200)).for_each(|_| {
+                cells[random.below(MIN_BYTES as usize)] ^= random.bits() as u8;
+            }),
+            1 | 2 => {
+                let start = 2048 * random.below(8) + random.below(2048);
+                let fill = [0x00, 0xFF, random.bits() as u8][random.below(3)];
+                let end = (start + random.below(4096)).min(cells.len());
+                cells[start..end].fill(fill);
+            }
+            _ => cells.iter_mut().for_each(|cell| *cell = random.bits() as u8),
+        }
+        let mut damaged = store(flash);
+        for part in PARTS {
+            // Not a candidate that was never written: what is read is what was written once, or nothing.
+            let read = block_on(async {
+                match part {
+                    Part::Calibration => damaged
+                        .read::<StoredCalibration<'_>>()
+                        .await
+                        .map(|r| r.is_none_or(|r| r.record == old.calibration && r.counter == old.counter)),
+                    Part::Health => {
+                        damaged.read::<HealthRecord>().await.map(|r| r.is_none_or(|r| r == old.health))
+                    }
+                    Part::Faults => damaged
+                        .read::<FaultMemory>()
+                        .await
+                        .map(|r| r.is_none_or(|r| r.entries() == old.faults.entries())),
+                    Part::Life => damaged.read::<Life>().await.map(|r| r.is_none_or(|r| r == old.life)),
+                }
+            });
+            assert_ne!(read, Ok(false), "{part:?}");
+        }
+        heal(&mut damaged).ok();
+        if PARTS.into_iter().try_for_each(|part| write(&mut damaged, part, new)).is_ok() {
+            still_writable += 1;
+            for part in PARTS {
+                // A stretch of erased bytes inside a full page hides what lies behind it, and that can be a record that
+                // was just moved there: lost, in one of some thousand, but never a mix.
+                lost += u32::from(found(&mut damaged, part, &[new, old]) != Some(0));
+            }
+        } else {
+            erased += 1;
+        }
+        block_on(damaged.erase()).unwrap();
+        for part in PARTS {
+            write(&mut damaged, part, old).unwrap();
+            assert_eq!(found(&mut damaged, part, &[old]), Some(0), "{part:?}");
+        }
+    }
+    println!("{still_writable} still writable ({lost} records lost), {erased} only after erasing");
+    assert!(still_writable > 1000 && lost <= 4);
 }

@@ -190,7 +190,7 @@ mod tests {
             assert_eq!(Code::from_dtc(dtc), Some(code), "two codes share {dtc:?}");
             count += 1;
         }
-        assert_eq!(count, 7 * 9 + 16 + 10);
+        assert_eq!(count, Channel::ALL.len() * (Fault::ALL.len() - 1) + Refusal::ALL.len() + 10);
         assert_eq!(Code::from_dtc(Dtc { spn: 161, fmi: 11 }), None);
     }
 }

@@ -12,6 +12,7 @@ use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
 use super::code::{Code, Dtc, Lamp};
+use crate::log::info;
 
 /// Troubles that the memory holds.
 pub const CAPACITY: usize = 12;
@@ -240,6 +241,8 @@ impl FaultMemory {
             return;
         }
         self.changed = true;
+        // The first of its kind only: what somebody on the bus repeats must not flood the log.
+        info!("trouble {}", code);
         let entry = Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot };
         let Err(entry) = self.entries.push(entry) else { return };
         let least = self.entries.iter_mut().min_by_key(|entry| entry.rank());

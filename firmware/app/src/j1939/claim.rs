@@ -18,6 +18,7 @@ use kou_estimator::units::Micros;
 
 use super::catalogue::ADDRESS_CLAIMED;
 use super::{Frame, GLOBAL, Id, NULL_ADDRESS, Name};
+use crate::log::{info, warning};
 
 /// How long a claim must stand unopposed.
 const CONTENTION_US: u64 = 250_000;
@@ -89,6 +90,7 @@ impl Claim {
             self.due = Some(now);
             return;
         }
+        warning!("address {=u8} lost to a smaller name", self.address);
         match self.next_free() {
             Some(address) if self.name.has_arbitrary_address() => {
                 self.address = address;
@@ -118,6 +120,7 @@ impl Claim {
             && now.0.saturating_sub(since.0) >= CONTENTION_US
         {
             self.stage = Stage::Claimed;
+            info!("address {=u8} claimed", self.address);
         }
         let due = self.due?;
         if now < due {

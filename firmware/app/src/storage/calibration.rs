@@ -50,6 +50,14 @@ fn live(bytes: &[u8], source: CalibrationSource) -> Option<Live> {
     })
 }
 
+impl Live {
+    /// The calibration of a record that was just stored; nothing when it is not one that passes every check.
+    #[must_use]
+    pub fn stored(record: &[u8]) -> Option<Self> {
+        live(record, CalibrationSource::Stored)
+    }
+}
+
 /// Reads the stored calibration, or falls back to the `default` record.
 pub async fn load<F: NorFlash>(store: &mut Store<F>, default: Option<&[u8]>) -> Loaded {
     let default = || default.and_then(|bytes| live(bytes, CalibrationSource::Default));

@@ -66,11 +66,35 @@ pub trait Record<'a>: Serialize + Deserialize<'a> {
     }
 }
 
+/// Something that writes the body of a record; an object, so that the code that writes is there once for all kinds.
+pub(super) trait Fill {
+    /// Writes the body and says how long it is; nothing when it does not fit.
+    fn fill(&self, body: &mut [u8]) -> Option<usize>;
+}
+
+/// Fields, to be written in postcard's wire format.
+pub(super) struct Fields<'r, R>(pub &'r R);
+
+impl<R: Serialize> Fill for Fields<'_, R> {
+    fn fill(&self, body: &mut [u8]) -> Option<usize> {
+        postcard::to_slice(self.0, body).ok().map(|written| written.len())
+    }
+}
+
+impl Fill for &[u8] {
+    fn fill(&self, body: &mut [u8]) -> Option<usize> {
+        body.get_mut(..self.len())?.copy_from_slice(self);
+        Some(self.len())
+    }
+}
+
 /// A record on its way into flash.
-pub(super) struct Outgoing<'r, R> {
+#[derive(Clone, core::marker::Copy)]
+pub(super) struct Outgoing<'r> {
     pub key: u8,
+    pub schema: u16,
     pub sequence: u32,
-    pub record: &'r R,
+    pub body: &'r dyn Fill,
 }
 
 /// A record as it came out of flash: frame checked, body not yet understood.
@@ -83,32 +107,20 @@ pub(super) struct Raw<'a> {
     pub body: &'a [u8],
 }
 
-/// Writes a frame; `fill` writes the body and says how long it is.
-fn write_frame(
-    key: u8,
-    schema: u16,
-    sequence: u32,
-    buffer: &mut [u8],
-    fill: impl FnOnce(&mut [u8]) -> Option<usize>,
-) -> Option<usize> {
-    let (head, rest) = buffer.split_first_chunk_mut::<HEAD>()?;
-    let [s0, s1] = schema.to_le_bytes();
-    let [q0, q1, q2, q3] = sequence.to_le_bytes();
-    *head = [key, s0, s1, q0, q1, q2, q3];
-    let room = rest.len().checked_sub(TAIL)?;
-    let len = fill(rest.get_mut(..room)?)?;
-    let covered = HEAD.saturating_add(len);
-    let crc = crc32(buffer.get(..covered)?).to_le_bytes();
-    *buffer.get_mut(covered..)?.first_chunk_mut::<TAIL>()? = crc;
-    Some(covered.saturating_add(TAIL))
-}
-
-impl<'a, R: Serialize + Record<'a>> Value<'a> for Outgoing<'_, R> {
+impl<'a> Value<'a> for Outgoing<'_> {
     fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
-        write_frame(self.key, R::SCHEMA, self.sequence, buffer, |body| {
-            postcard::to_slice(self.record, body).ok().map(|written| written.len())
-        })
-        .ok_or(SerializationError::BufferTooSmall)
+        let mut write = || {
+            let (head, rest) = buffer.split_first_chunk_mut::<HEAD>()?;
+            let [s0, s1] = self.schema.to_le_bytes();
+            let [q0, q1, q2, q3] = self.sequence.to_le_bytes();
+            *head = [self.key, s0, s1, q0, q1, q2, q3];
+            let room = rest.len().checked_sub(TAIL)?;
+            let covered = HEAD.saturating_add(self.body.fill(rest.get_mut(..room)?)?);
+            let crc = crc32(buffer.get(..covered)?).to_le_bytes();
+            *buffer.get_mut(covered..)?.first_chunk_mut::<TAIL>()? = crc;
+            Some(covered.saturating_add(TAIL))
+        };
+        write().ok_or(SerializationError::BufferTooSmall)
     }
 
     fn deserialize_from(_: &'a [u8]) -> Result<(Self, usize), SerializationError> {
@@ -117,12 +129,9 @@ impl<'a, R: Serialize + Record<'a>> Value<'a> for Outgoing<'_, R> {
 }
 
 impl<'a> Value<'a> for Raw<'a> {
-    fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
-        write_frame(self.key, self.schema, self.sequence, buffer, |space| {
-            space.get_mut(..self.body.len())?.copy_from_slice(self.body);
-            Some(self.body.len())
-        })
-        .ok_or(SerializationError::BufferTooSmall)
+    fn serialize_into(&self, _: &mut [u8]) -> Result<usize, SerializationError> {
+        // What is written is an `Outgoing`.
+        Err(SerializationError::InvalidData)
     }
 
     fn deserialize_from(bytes: &'a [u8]) -> Result<(Self, usize), SerializationError> {

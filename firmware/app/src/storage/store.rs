@@ -13,9 +13,11 @@ use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::calibration::record::MAX_LEN;
 use sequential_storage::Error as FlashError;
 use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage, Value};
+use sequential_storage::map::{MapConfig, MapStorage};
 
-use super::record::{Copy, DecodeError, HEAD, Kind, Outgoing, Raw, Record, TAIL};
+use crate::log::warning;
+
+use super::record::{Copy, DecodeError, Fields, Fill, HEAD, Kind, Outgoing, Raw, Record, TAIL};
 
 /// Bytes that hold any record with its frame and key: the calibration's, with counter (5) and length (3), is the longest.
 pub const BUFFER_LEN: usize = (1 + HEAD + 8 + MAX_LEN + TAIL).next_multiple_of(32);
@@ -129,11 +131,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
     pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
-        let Some((_, newest)) = self.newest(R::KIND).await? else { return Ok(None) };
-        let key = R::KIND.key(newest);
-        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
-        // It was whole a moment ago; if it is not now, the flash is failing.
-        let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
+        let Some(raw) = self.newest_whole(R::KIND).await? else { return Ok(None) };
         raw.decode().map(Some).map_err(|error| match error {
             DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
             DecodeError::Body => StoreError::Body(R::KIND),
@@ -145,15 +143,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When it does not fit or the flash refuses. What was there before is then still there, or already replaced whole.
     pub async fn write<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
-        let newest = self.newest(R::KIND).await?;
-        // The copy that is not the newest goes first: until it is whole, the newest is the record.
-        let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
-        let first = if last == Copy::A { Copy::B } else { Copy::A };
-        for copy in [first, last] {
-            let key = R::KIND.key(copy);
-            self.put(key, &Outgoing { key, sequence: sequence.saturating_add(1), record }).await?;
-        }
-        Ok(())
+        self.write_both(R::KIND, R::SCHEMA, &Fields(record)).await
     }
 
     /// Writes copies that are damaged, missing or older anew from the newer ones: at every start, and from time to time.
@@ -175,9 +165,10 @@ impl<F: NorFlash> Store<F> {
             let key = kind.key(from);
             let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
             let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
-            let key = kind.key(to);
-            self.put(key, &Raw { key, ..raw }).await?;
+            let Raw { schema, sequence, body, .. } = raw;
+            self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }).await?;
             healed.copies = healed.copies.saturating_add(1);
+            warning!("copy of record {} written anew", kind);
         }
         Ok(healed)
     }
@@ -191,14 +182,41 @@ impl<F: NorFlash> Store<F> {
         Ok(self.map.erase_all().await?)
     }
 
-    /// Writes one copy.
-    async fn put<'a>(&mut self, key: u8, value: &impl Value<'a>) -> Result<(), StoreError> {
+    /// The newest record of a kind, not yet understood.
+    async fn newest_whole(&mut self, kind: Kind) -> Result<Option<Raw<'_>>, StoreError> {
+        let Some((_, newest)) = self.newest(kind).await? else { return Ok(None) };
+        let key = kind.key(newest);
+        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
+        // It was whole a moment ago; if it is not now, the flash is failing.
+        raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted).map(Some)
+    }
+
+    /// Writes both copies of a record.
+    async fn write_both(&mut self, kind: Kind, schema: u16, body: &dyn Fill) -> Result<(), StoreError> {
+        let newest = self.newest(kind).await?;
+        // The copy that is not the newest goes first: until it is whole, the newest is the record.
+        let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
+        let first = if last == Copy::A { Copy::B } else { Copy::A };
+        let sequence = sequence.saturating_add(1);
+        for copy in [first, last] {
+            self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }).await?;
+        }
+        Ok(())
+    }
+
+    /// Writes one copy and looks whether it can be found again: in a region that is damaged beyond single bits the
+    /// library may write where it does not look.
+    async fn put(&mut self, outgoing: &Outgoing<'_>) -> Result<(), StoreError> {
         let mut result = Err(StoreError::Flash);
         for _ in 0..ATTEMPTS {
-            if result != Err(StoreError::Flash) {
+            let stored = self.map.store_item(&mut self.buffer.0, &outgoing.key, outgoing).await;
+            result = stored.map_err(StoreError::from);
+            if result.is_ok() && self.sequence(outgoing.key).await? != Some(outgoing.sequence) {
+                result = Err(StoreError::Corrupted);
+            }
+            if !matches!(result, Err(StoreError::Flash | StoreError::Corrupted)) {
                 break;
             }
-            result = self.map.store_item(&mut self.buffer.0, &key, value).await.map_err(StoreError::from);
         }
         result
     }

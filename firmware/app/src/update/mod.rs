@@ -5,6 +5,7 @@
 //! | [`wire`] | the eight bytes of each command and answer |
 //! | [`mac`] | the authentication tag, and where its key comes from |
 //! | [`session`] | the controller's side: takes commands, guards, refuses by name |
+//! | [`service`] | session and store together, with one owner |
 //! | [`transfer`] | the tool's side: makes the commands of one update |
 //! | [`refusal`] | why something is refused |
 //!
@@ -15,12 +16,14 @@
 
 pub mod mac;
 pub mod refusal;
+pub mod service;
 pub mod session;
 pub mod transfer;
 pub mod wire;
 
 pub use mac::{Key, KeySource, NoKey, TAG_LEN};
 pub use refusal::Refusal;
+pub use service::{Handled, Service};
 pub use session::{Guard, Machine, Outcome, Session, Todo, What, is_loaded};
 pub use transfer::Transfer;
 

@@ -17,6 +17,7 @@ use kou_estimator::{Params, Sample};
 use super::mac::{self, KeySource, TAG_LEN};
 use super::wire::{Answer, Command, segment, transfer_len};
 use super::{BUFFER_LEN, Refusal};
+use crate::log::info;
 
 /// Longest silence of a tool in the middle of a transfer.
 pub const TIME_OUT: Micros = Micros(1_000_000);
@@ -290,6 +291,7 @@ impl Session {
             return Outcome::default();
         }
         if is_written {
+            info!("calibration {=u32:08x} accepted over CAN", crc);
             Outcome::answer(self.tool, Answer::Committed { crc })
         } else {
             Outcome::refusal(self.tool, 3, Refusal::Storage, 0)
