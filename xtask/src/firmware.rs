@@ -10,6 +10,9 @@ use crate::workspace::{Package, TARGET, Workspace, root};
 /// Board whose firmware runs in QEMU.
 pub const QEMU_BOARD: &str = "kou-qemu-mps2-an386";
 
+/// Board whose firmware a vehicle's controller runs.
+pub const VEHICLE_BOARD: &str = "kou-nucleo-g474re";
+
 /// Folder whose settings give the firmware's target and profile to crates that are not boards.
 pub fn checks_dir() -> PathBuf {
     root().join("firmware/checks")
@@ -27,10 +30,15 @@ pub fn on_target(words: &[&str]) -> Run {
 
 /// The firmware that runs in QEMU, in release; returns the ELF.
 pub fn build_for_qemu(workspace: &Workspace) -> Result<PathBuf> {
-    for board in workspace.below("firmware/boards").filter(|board| board.name == QEMU_BOARD) {
+    build_for(workspace, QEMU_BOARD)
+}
+
+/// A board's firmware, in release; returns the ELF.
+pub fn build_for(workspace: &Workspace, name: &str) -> Result<PathBuf> {
+    for board in workspace.below("firmware/boards").filter(|board| board.name == name) {
         on_board(board, &["build", "--release"]).check()?;
     }
-    existing(workspace.firmware_elf(QEMU_BOARD))
+    existing(workspace.firmware_elf(name))
 }
 
 /// A check's binary in release; returns the ELF.

@@ -7,8 +7,15 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`controller`] | the tasks of the vehicle's controller: sample, estimate, publish, store, supervise |
+//! | [`faults`] | troubles: their codes, and the memory that keeps them |
+//! | [`j1939`] | the controller on the CAN bus |
 //! | [`link`] | messages between host and firmware and their frames |
+//! | [`rig`] | exchange between an emulated controller and its emulated surroundings |
+//! | [`sensors`] | conversions and edges into readings, with every failure named |
+//! | [`storage`] | records in flash |
 //! | [`tasks`] | the asynchronous tasks and the channels between them |
+//! | [`update`] | calibration update over CAN |
 //!
 //! `docs/firmware.md` draws the tasks and the flow of data, `docs/link.md` describes the link byte by byte.
 #![no_std]
@@ -23,9 +30,21 @@ extern crate std;
 
 mod log;
 
+pub mod controller;
 pub mod faults;
 pub mod j1939;
 pub mod link;
+pub mod rig;
+pub mod sensors;
 pub mod storage;
 pub mod tasks;
 pub mod update;
+
+/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
+#[cfg(test)]
+fn clock_for_one_test() -> std::sync::MutexGuard<'static, ()> {
+    static CLOCK: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    let guard = CLOCK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    embassy_time::MockDriver::get().reset();
+    guard
+}

@@ -28,11 +28,13 @@ pub enum Fault {
     Stuck,
     /// The value changed faster than the machine can.
     Rate,
+    /// The value contradicts what the other sensors say.
+    Implausible,
 }
 
 impl Fault {
     /// Every fault, in the order in which reports list them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::NotFitted,
         Self::Missing,
         Self::Open,
@@ -43,6 +45,7 @@ impl Fault {
         Self::NotFinite,
         Self::Stuck,
         Self::Rate,
+        Self::Implausible,
     ];
 
     /// Name as reports print it.
@@ -59,6 +62,7 @@ impl Fault {
             Self::NotFinite => "not_finite",
             Self::Stuck => "stuck",
             Self::Rate => "rate",
+            Self::Implausible => "implausible",
         }
     }
 }

@@ -1,9 +1,9 @@
 //! `host-sim pil`: the same samples through the firmware in QEMU, every field of every estimate compared with the host's,
-//! bit for bit.
+//! bit for bit; or, with `--plant`, the controller's firmware in a closed loop with a simulated vehicle.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
@@ -14,16 +14,40 @@ use super::replay::figures_text;
 use super::{Failure, print_json, print_text, progress};
 use crate::calibration;
 use crate::input::InputError;
+use crate::machine::Machine;
+use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
 use crate::record::{LogReader, LogRow};
 use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
 
-/// Streams a log through the firmware in QEMU and compares its estimates with the host's.
+/// Streams a log through the firmware in QEMU and compares its estimates with the host's; or drives the controller's firmware
+/// through a scenario, with a simulated vehicle around it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Log, calibration and outputs: the same as of `replay`.
-    #[command(flatten)]
-    pub replay: super::replay::Args,
+    /// Log of readings (CSV).
+    #[arg(long, value_name = "LOG.csv", required_unless_present = "plant", conflicts_with = "plant")]
+    pub log: Option<PathBuf>,
+    /// Calibration: TOML or binary record.
+    #[arg(long, value_name = "CAL.toml")]
+    pub calibration: PathBuf,
+    /// Mapping file (TOML) for a log with other columns or units.
+    #[arg(long, value_name = "MAP.toml", requires = "log")]
+    pub map: Option<PathBuf>,
+    /// Estimates to write (CSV).
+    #[arg(long, value_name = "EST.csv", requires = "log")]
+    pub out: Option<PathBuf>,
+    /// Picture to draw (SVG): measured and expected ratio, Kou seen and by the law.
+    #[arg(long, value_name = "PICTURE.svg", requires = "log")]
+    pub plot: Option<PathBuf>,
+    /// Machine file of the vehicle (TOML): closes the loop with the full model.
+    #[arg(long, value_name = "MACHINE.toml", requires = "scenario")]
+    pub plant: Option<PathBuf>,
+    /// Scenario to drive through (TOML).
+    #[arg(long, value_name = "SCENARIO.toml", requires = "plant")]
+    pub scenario: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
     /// Firmware to run; by default the one built by `cargo xtask demo` or `cargo xtask test`.
     #[arg(long, value_name = "FIRMWARE.elf")]
     pub firmware: Option<PathBuf>,
@@ -59,9 +83,14 @@ struct UnderWay {
 /// # Errors
 /// Bad input; a firmware that does not answer; or at least one estimate that differs from the host's.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let (calibration, params) = calibration::read_checked(&args.replay.calibration)?;
-    let report = stream(args, &calibration, &params)?;
-    if args.replay.json {
+    let (calibration, params) = calibration::read_checked(&args.calibration)?;
+    let log = match (&args.plant, &args.scenario, &args.log) {
+        (Some(plant), Some(scenario), _) => return close_loop(args, plant, scenario, &calibration),
+        (_, _, Some(log)) => log,
+        _ => return Err(InputError::new("either --log or --plant and --scenario are needed").into()),
+    };
+    let report = stream(args, log, &calibration, &params)?;
+    if args.json {
         print_json(&report)?
     } else {
         print_text(&text(&report))?
@@ -73,16 +102,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Report, Failure> {
-    let mut log = LogReader::open(&args.replay.log, &mapping(args.replay.map.as_deref())?)?;
-    let mut writer = args
-        .replay
-        .out
-        .as_deref()
-        .map(|path| EstimateWriter::create(path, &log.carried_names()))
-        .transpose()?;
-    let mut buffer = [0_u8; record::MAX_LEN];
-    let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+fn stream(
+    args: &Args,
+    log_path: &Path,
+    calibration: &Calibration,
+    params: &Params,
+) -> Result<Report, Failure> {
+    let mut log = LogReader::open(log_path, &mapping(args.map.as_deref())?)?;
+    let mut writer =
+        args.out.as_deref().map(|path| EstimateWriter::create(path, &log.carried_names())).transpose()?;
+    let record = record_of(calibration)?;
     let mut options = PilOptions::default();
     if let Some(elf) = &args.firmware {
         options.firmware_elf.clone_from(elf);
@@ -120,8 +149,7 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
         }
         bar.inc(1);
     };
-    let PilReport { samples_per_s, status, .. } =
-        pil::run(&options, buffer.get(..length).unwrap_or_default(), samples, on_estimate)?;
+    let PilReport { samples_per_s, status, .. } = pil::run(&options, &record, samples, on_estimate)?;
     bar.finish_and_clear();
     if let Some(error) = under_way.into_inner().error.or(unwritten) {
         return Err(error.into());
@@ -129,8 +157,8 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
     if let Some(writer) = writer {
         writer.finish()?;
     }
-    if let Some(path) = &args.replay.plot {
-        draw(path, &format!("Firmware in QEMU on {}", args.replay.log.display()), &trace)?;
+    if let Some(path) = &args.plot {
+        draw(path, &format!("Firmware in QEMU on {}", log_path.display()), &trace)?;
     }
     Ok(Report {
         figures: summary.figures(),
@@ -141,6 +169,95 @@ fn stream(args: &Args, calibration: &Calibration, params: &Params) -> Result<Rep
         firmware_samples_per_s: samples_per_s,
         stack_high_water_bytes: status.stack_high_water_bytes,
     })
+}
+
+/// The binary record of a calibration.
+fn record_of(calibration: &Calibration) -> Result<Vec<u8>, InputError> {
+    let mut buffer = vec![0; record::MAX_LEN];
+    let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+    buffer.truncate(length);
+    Ok(buffer)
+}
+
+/// The controller's firmware around a simulated vehicle.
+fn close_loop(
+    args: &Args,
+    plant_path: &Path,
+    scenario: &Path,
+    calibration: &Calibration,
+) -> Result<(), Failure> {
+    let machine = Machine::load(plant_path)?;
+    let scenario = Scenario::load(scenario)?;
+    let mut options = PilOptions::of_binary(plant::CONTROLLER);
+    if let Some(elf) = &args.firmware {
+        options.firmware_elf.clone_from(elf);
+    }
+    let bar = progress("milliseconds through the controller");
+    let record = record_of(calibration)?;
+    let report = plant::run(&options, &machine, calibration, &record, &scenario, |ms| bar.inc(ms))?;
+    bar.finish_and_clear();
+    if args.json {
+        print_json(&report)?;
+    } else {
+        print_text(&loop_text(&report))?;
+    }
+    if report.passed {
+        return Ok(());
+    }
+    let broken = report.findings.iter().filter(|finding| !finding.met).count();
+    Err(Failure::Check(format!(
+        "{}: {broken} expectations not met, {} deadlines missed",
+        report.scenario, report.missed_deadlines
+    )))
+}
+
+fn loop_text(report: &LoopReport) -> String {
+    let mut text = format!(
+        "{}: {:.1} s simulated, {:.1} times real time; {} outputs, {} valid; {} deadlines missed, {} us late at most, \
+         stack {} bytes, outputs' CRC {:08x}",
+        report.scenario,
+        report.simulated_s,
+        report.real_time_factor,
+        report.outputs,
+        report.valid,
+        report.missed_deadlines,
+        report.latest_us,
+        report.stack_bytes,
+        report.outputs_crc32
+    );
+    for finding in &report.findings {
+        let came = finding.came_after_s.map_or("never came".into(), |s| format!("came after {s:.2} s"));
+        text += &format!(
+            "\n  {} {:.1} to {:.1} s: {}, {came}, {} of {} outputs other",
+            if finding.met { "ok  " } else { "NOT " },
+            finding.from_s,
+            finding.until_s,
+            finding.state,
+            finding.others,
+            finding.outputs
+        );
+        if let Some(instead) = &finding.instead {
+            text += &format!(" (mostly {instead})");
+        }
+        if let (Some(worst), Some(rms), Some(mean)) =
+            (finding.worst_se, finding.rms_se, finding.mean_error_pct)
+        {
+            text += &format!(
+                "; Kou off by {mean:+.1} % on average, {rms:.2} standard errors rms, {worst:.2} worst"
+            );
+        }
+    }
+    text
+}
+
+impl From<LoopError> for Failure {
+    fn from(error: LoopError) -> Self {
+        match error {
+            LoopError::Input(error) => error.into(),
+            LoopError::Simulation(error) => Self::Check(error.to_string()),
+            LoopError::Pil(error) => error.into(),
+        }
+    }
 }
 
 fn text(report: &Report) -> String {

@@ -7,6 +7,7 @@
 //! Needs a system with FIFOs: Linux, macOS, or Windows through WSL.
 
 mod error;
+pub mod plant;
 mod qemu;
 mod session;
 

@@ -257,7 +257,7 @@ fn name(request: &Request<'_>) -> &'static str {
 }
 
 /// Makes FIFOs with the system's own command: the standard library has no call for it, and this crate no unsafe code.
-fn make_fifos(paths: &[&Path]) -> Result<(), PilError> {
+pub(super) fn make_fifos(paths: &[&Path]) -> Result<(), PilError> {
     let doing = "making the link's FIFOs with `mkfifo` (Linux and macOS have it; on Windows use WSL)";
     let output = Command::new("mkfifo").arg("--").args(paths).output().map_err(PilError::system(doing))?;
     if output.status.success() {
@@ -267,14 +267,14 @@ fn make_fifos(paths: &[&Path]) -> Result<(), PilError> {
     Err(PilError::System { doing, cause })
 }
 
-fn write_in_background(mut to: File) -> Sender<Vec<u8>> {
+pub(super) fn write_in_background(mut to: File) -> Sender<Vec<u8>> {
     let (sender, receiver) = channel::<Vec<u8>>();
     // Ends with the session or with the firmware, whichever is first.
     spawn(move || while receiver.recv().is_ok_and(|bytes| to.write_all(&bytes).is_ok()) {});
     sender
 }
 
-fn read_in_background(mut from: File) -> Receiver<Vec<u8>> {
+pub(super) fn read_in_background(mut from: File) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     spawn(move || {
         let mut buffer = vec![0; 64 * 1024];

@@ -69,7 +69,7 @@ type Source = fn(&Workspace) -> Result<Vec<Figure>>;
 
 /// All figures that can be had, and every complaint. One source that fails does not hide the figures of the others.
 fn judged(workspace: &Workspace, limits: &Limits) -> (Vec<Figure>, Vec<String>) {
-    let sources: [Source; 4] = [counted, estimator_alone, board_sections, board_stack];
+    let sources: [Source; 5] = [counted, estimator_alone, board_sections, board_stack, vehicle_sections];
     let mut figures = Vec::new();
     let mut complaints = Vec::new();
     for source in sources {
@@ -131,6 +131,20 @@ fn board_stack(workspace: &Workspace) -> Result<Vec<Figure>> {
     let bytes = number(&report, "stack_high_water_bytes")?;
     let what = "QEMU firmware: deepest stack seen over the shipped log";
     Ok(vec![figure("firmware_stack_bytes", what, "bytes", bytes as u64)])
+}
+
+/// Of the firmware for the vehicle's board.
+fn vehicle_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
+    let sizes = elf::sizes(&firmware::build_for(workspace, firmware::VEHICLE_BOARD)?)?;
+    Ok(vec![
+        figure(
+            "g474_flash_bytes",
+            "G474 firmware: flash (code, constants, initial RAM)",
+            "bytes",
+            sizes.flash(),
+        ),
+        figure("g474_ram_bytes", "G474 firmware: static RAM", "bytes", sizes.ram()),
+    ])
 }
 
 fn table(figures: &[Figure], limits: &Limits) -> String {

@@ -166,6 +166,8 @@ const fn fault_fmi(fault: Fault) -> u8 {
         Fault::Stale => 9,
         // Abnormal rate of change.
         Fault::Rate => 10,
+        // Out of calibration: the nearest to a value that the other sensors contradict.
+        Fault::Implausible => 13,
         // Bad intelligent device or component.
         Fault::NotFinite => 12,
         // Received network data in error: a time stamp that cannot be.

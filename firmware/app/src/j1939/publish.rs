@@ -89,6 +89,7 @@ const fn fault_code(fault: Fault) -> u32 {
         Fault::NotFinite => 7,
         Fault::Stuck => 8,
         Fault::Rate => 9,
+        Fault::Implausible => 10,
     }
 }
 

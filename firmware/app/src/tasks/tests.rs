@@ -188,6 +188,7 @@ fn frames_of_shutting_down() -> Vec<u8> {
 
 #[test]
 fn the_heart_beats_as_time_passes_and_not_otherwise() {
+    let _clock = crate::clock_for_one_test();
     let bus = Bus::<NoopRawMutex>::new();
     let clock = MockDriver::get();
     let mut heartbeat = pin!(run_heartbeat(&bus, Duration::from_millis(100)));

@@ -13,6 +13,8 @@ pub enum Exit {
     LineFailed = 4,
     /// A task could not be started.
     Spawn = 5,
+    /// A task was overdue, so the watchdog would reset the controller.
+    Watchdog = 6,
     /// A panic.
     Panic = 101,
     /// A hard fault.

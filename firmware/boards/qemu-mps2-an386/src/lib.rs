@@ -5,6 +5,8 @@
 //! | [`time`] | time driver on the two CMSDK timers, in microseconds |
 //! | [`mod@line`] | the link's line: a pair of files or FIFOs reached by semihosting |
 //! | [`uart`] | the same over UART 0 |
+//! | [`priority`] | the controller's executors, of three priorities |
+//! | [`rig`] | the controller's hardware, whose other end is the host |
 //! | [`stack`] | how deep the stack has been |
 //! | [`exit`] | the codes with which the firmware ends QEMU |
 //! | `faults` | panics and hard faults: logged, then the end of QEMU with a code |
@@ -17,7 +19,9 @@
 pub mod exit;
 mod faults;
 pub mod line;
+pub mod priority;
 mod registers;
+pub mod rig;
 pub mod stack;
 pub mod time;
 pub mod uart;

@@ -1,20 +1,27 @@
-//! The interrupt vectors of AN386, of which time driver and UART use three.
+//! The interrupt vectors of AN386, of which time driver and UART use three, and the controller's executors three.
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 
+use crate::priority::{on_high, on_highest, on_low};
 use crate::time::{on_alarm, on_wrap};
 use crate::uart::on_receive;
 
 /// Interrupts in use, by their numbers in Arm's application note AN386.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Interrupt {
+pub enum Interrupt {
     /// UART 0 has received a byte.
     Uart0Receive = 0,
     /// CMSDK timer 0.
     Timer0 = 8,
     /// CMSDK timer 1.
     Timer1 = 9,
+    /// Of no peripheral in use: the executor of the highest priority.
+    Highest = 20,
+    /// Of no peripheral in use: the executor of high priority.
+    High = 21,
+    /// Of no peripheral in use: the executor of low priority.
+    Low = 22,
 }
 
 #[allow(unsafe_code, reason = "declares interrupt numbers to cortex-m")]
@@ -44,9 +51,37 @@ unsafe extern "C" {
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     let mut table: [unsafe extern "C" fn(); 32] = [DefaultHandler; 32];
-    let [uart0_receive, _, _, _, _, _, _, _, timer0, timer1, ..] = &mut table;
+    let [
+        uart0_receive,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        timer0,
+        timer1,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        _,
+        highest,
+        high,
+        low,
+        ..,
+    ] = &mut table;
     *uart0_receive = on_receive;
     *timer0 = on_wrap;
     *timer1 = on_alarm;
+    *highest = on_highest;
+    *high = on_high;
+    *low = on_low;
     table
 };

@@ -127,6 +127,7 @@ pub const FAULTS: &[(u32, &str)] = &[
     (7, "not finite"),
     (8, "stuck"),
     (9, "rate"),
+    (10, "implausible"),
 ];
 /// Why nothing is expected.
 pub const EXPECTED_REASON: Signal =

@@ -1,0 +1,142 @@
+//! The controller: sensors in, estimates out, by tasks of fixed period and priority, watched over.
+//!
+//! ```text
+//!            1 kHz            100 Hz               100 Hz
+//! front end --> sample --sample--> estimate --estimate--> publish --> CAN
+//!                                  ^    \
+//!             calibration ---------/     `--estimate--> store (1 Hz) --> flash
+//!
+//! every task --check-in--> supervise (20 Hz) --feeds--> watchdog
+//! ```
+//!
+//! | task | period | priority | deadline | silent for at most |
+//! |---|---|---|---|---|
+//! | [`run_sample`] | 1 ms | highest | 1 ms | 20 ms |
+//! | [`run_estimate`] | 10 ms | high | 10 ms | 100 ms |
+//! | [`run_publish`] | 10 ms | low | 10 ms | 1 s |
+//! | [`run_store`] | 1 s | low | 1 s | 10 s |
+//! | [`run_supervise`] | 50 ms | low | 50 ms | the watchdog's time |
+//!
+//! The tasks know no board: a board gives them a [`FrontEnd`], a [`Publish`], a [`Store`] and a [`Watchdog`], and runs each
+//! in an executor of its priority. They share one [`Controller`], which lives in a static. The only thing that passes
+//! from task to task is the latest value: a task that is late finds a newer one, never a queue.
+//!
+//! Safe state: the firmware has no actuator, so nothing that it does can disturb the drive. Whatever fails, the
+//! estimate is told as invalid with its reason ([`Controller::output`]), and silence on the bus is at most as long as
+//! the watchdog's time.
+
+mod bus;
+mod estimate;
+pub mod note;
+mod pace;
+mod publish;
+mod sample;
+mod store;
+mod supervise;
+#[cfg(test)]
+mod tests;
+mod vital;
+
+pub use bus::{Bus, CanPort};
+pub use estimate::run_estimate;
+pub use pace::Pace;
+pub use publish::{Publish, run_publish};
+pub use sample::{EdgeTimer, FrontEnd, Sampler, run_sample};
+pub use store::{Store, run_store};
+pub use supervise::{Supervisor, Task, Watchdog, run_supervise};
+pub use vital::{Vital, Vitals, VitalsRead};
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::channel::Channel;
+use embassy_time::Duration;
+use kou_estimator::units::Micros;
+use kou_estimator::{Estimate, Params, Sample};
+use serde::{Deserialize, Serialize};
+
+/// Period of [`run_sample`].
+pub const SAMPLE_PERIOD: Duration = Duration::from_millis(1);
+/// Period of [`run_estimate`].
+pub const ESTIMATE_PERIOD: Duration = Duration::from_millis(10);
+/// Period of [`run_publish`].
+pub const PUBLISH_PERIOD: Duration = Duration::from_millis(10);
+/// Period of [`run_store`].
+pub const STORE_PERIOD: Duration = Duration::from_secs(1);
+/// Period of [`run_supervise`].
+pub const SUPERVISE_PERIOD: Duration = Duration::from_millis(50);
+/// Age at which an estimate is no longer told.
+pub const MAX_ESTIMATE_AGE: Duration = Duration::from_millis(100);
+
+/// Why there is no estimate at all; an estimate that is invalid has its own reasons.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum NoEstimate {
+    /// The tasks have just begun.
+    Starting,
+    /// No calibration is in use.
+    NoCalibration,
+    /// The estimating task has not come to its turn for [`MAX_ESTIMATE_AGE`].
+    Late,
+}
+
+/// What the tasks share.
+pub struct Controller<M: RawMutex> {
+    sample: Mutex<M, Cell<Option<Sample>>>,
+    estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
+    told_at: Mutex<M, Cell<Micros>>,
+    /// Checked parameters on their way into use: the next turn of [`run_estimate`] takes them, and starts its state anew.
+    pub candidate: Channel<M, Params, 1>,
+    /// How every task is doing.
+    pub vitals: Vitals,
+}
+
+impl<M: RawMutex> Controller<M> {
+    /// Before the tasks start.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            sample: Mutex::new(Cell::new(None)),
+            estimate: Mutex::new(Cell::new(None)),
+            told_at: Mutex::new(Cell::new(Micros(0))),
+            candidate: Channel::new(),
+            vitals: Vitals::new(),
+        }
+    }
+
+    /// The latest sample.
+    pub fn sample(&self) -> Option<Sample> {
+        self.sample.lock(Cell::get)
+    }
+
+    /// What is to be told of leakage at `now`.
+    ///
+    /// # Errors
+    /// When there is no estimate, or only one that is too old.
+    pub fn output(&self, now: Micros) -> Result<Estimate, NoEstimate> {
+        let latest = self.estimate.lock(Cell::get).unwrap_or(Err(NoEstimate::Starting));
+        let age_us = now.0.saturating_sub(self.told_at.lock(Cell::get).0);
+        if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
+    }
+
+    fn set_sample(&self, sample: Sample) {
+        self.sample.lock(|cell| cell.set(Some(sample)));
+    }
+
+    fn set_estimate(&self, now: Micros, estimate: Result<Estimate, NoEstimate>) {
+        self.estimate.lock(|cell| cell.set(Some(estimate)));
+        self.told_at.lock(|cell| cell.set(now));
+    }
+}
+
+impl<M: RawMutex> Default for Controller<M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The clock of the tasks as the estimator states time.
+fn now() -> Micros {
+    Micros(embassy_time::Instant::now().as_micros())
+}

@@ -1,0 +1,36 @@
+//! Task `publish`: what is to be told, to whoever listens.
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::Instant;
+use kou_estimator::units::Micros;
+use kou_estimator::{Estimate, Sample};
+
+use super::{Controller, NoEstimate, PUBLISH_PERIOD, Pace, now};
+
+/// Whoever is told: a CAN bus, a log.
+#[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]
+pub trait Publish {
+    /// Tells the estimate, or why there is none, and the sample, where there is one. Must not wait longer than a period:
+    /// what a bus does not take by then is dropped and counted by the implementor.
+    async fn publish(
+        &mut self,
+        now: Micros,
+        estimate: &Result<Estimate, NoEstimate>,
+        sample: Option<&Sample>,
+    );
+}
+
+/// Publishes for ever.
+pub async fn run_publish<M: RawMutex>(
+    controller: &Controller<M>,
+    start: Instant,
+    to: &mut impl Publish,
+) -> ! {
+    let mut pace = Pace::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
+    loop {
+        pace.turn().await;
+        let now = now();
+        let estimate = controller.output(now);
+        to.publish(now, &estimate, controller.sample().as_ref()).await;
+    }
+}

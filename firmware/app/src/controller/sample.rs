@@ -1,0 +1,86 @@
+//! Task `sample`: reads the front end each millisecond, and puts a sample together for every turn of `estimate`.
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::Instant;
+
+use super::{Controller, ESTIMATE_PERIOD, Pace, SAMPLE_PERIOD, now};
+use crate::log::warning;
+use crate::sensors::adc::{Adc, Input};
+use crate::sensors::pickup::Edges;
+use crate::sensors::set::{CHANNELS, Inputs, SensorsParams, SensorsState};
+
+/// Everything that a drive's sensors are connected to.
+#[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]
+pub trait FrontEnd {
+    /// Reads all: a conversion of each wanted input, and the edges since the last call.
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs);
+}
+
+/// The timer that stamps the pickups' edges.
+pub trait EdgeTimer {
+    /// Hands over the edges since the last call, and returns the timer's count now.
+    fn take(&mut self, pump: &mut Edges, motor: &mut Edges) -> u32;
+}
+
+/// The usual front end: a converter and a timer.
+#[derive(Debug)]
+pub struct Sampler<A, T> {
+    adc: A,
+    timer: T,
+}
+
+impl<A: Adc, T: EdgeTimer> Sampler<A, T> {
+    /// Puts the two together.
+    pub const fn new(adc: A, timer: T) -> Self {
+        Self { adc, timer }
+    }
+}
+
+impl<A: Adc, T: EdgeTimer> FrontEnd for Sampler<A, T> {
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+        // First the edges: they are stamped already, and the conversions take their time.
+        into.pump.clear();
+        into.motor.clear();
+        into.count = self.timer.take(&mut into.pump, &mut into.motor);
+        for (conversion, input) in into.analog.iter_mut().zip(wanted) {
+            if let Some(input) = input {
+                *conversion = self.adc.convert(*input).await;
+            }
+        }
+    }
+}
+
+/// Turns of this task for one of `estimate`.
+const TURNS: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
+
+/// Samples for ever.
+pub async fn run_sample<M: RawMutex>(
+    controller: &Controller<M>,
+    start: Instant,
+    params: &SensorsParams,
+    front_end: &mut impl FrontEnd,
+) -> ! {
+    let mut pace = Pace::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
+    let mut state = SensorsState::new();
+    let mut inputs = Inputs::new();
+    let mut turn: u64 = 0;
+    let mut faulty = false;
+    loop {
+        pace.turn().await;
+        front_end.read(params.inputs(), &mut inputs).await;
+        state.observe(params, now(), &inputs);
+        turn = turn.wrapping_add(1);
+        if turn.is_multiple_of(TURNS) {
+            let sample = state.sample(params);
+            controller.set_sample(sample);
+            let faults = sample.pump_speed.value.is_err()
+                || sample.motor_speed.value.is_err()
+                || sample.high_pressure.value.is_err()
+                || sample.oil_temperature.value.is_err();
+            if faults != faulty {
+                warning!("sensors: {=bool} failed; {}", faults, sample);
+                faulty = faults;
+            }
+        }
+    }
+}

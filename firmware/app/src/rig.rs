@@ -1,0 +1,90 @@
+//! Exchange between an emulated controller and the host that emulates what is around it, once every millisecond.
+//!
+//! The firmware says what it wants of its hardware (SPI bytes to clock out) and what it tells; the host answers with the
+//! bytes clocked in and the edges of the pickups. One exchange is two messages in postcard's format, each behind its
+//! length in two bytes, little-endian. No board on a vehicle uses it.
+
+use heapless::Vec;
+use kou_estimator::{Estimate, Sample};
+use serde::{Deserialize, Serialize};
+
+use crate::controller::{NoEstimate, VitalsRead};
+use crate::sensors::pickup::MAX_EDGES;
+use crate::sensors::set::CHANNELS;
+
+/// Bytes before a message: its length.
+pub const HEAD: usize = 2;
+/// Longest message of either side, with its length.
+pub const MAX_LEN: usize = 1024;
+/// Frames of either direction in a millisecond: at 250 kbit/s a bus carries some two.
+pub const MAX_CAN: usize = 8;
+
+/// A CAN frame: identifier of 29 bits and data.
+pub type CanFrame = (u32, Vec<u8, 8>);
+
+/// Longest calibration record that the first message may carry.
+pub const MAX_RECORD: usize = kou_estimator::calibration::record::MAX_LEN;
+
+/// From the firmware, at the beginning of each millisecond.
+// A message of the emulation, one at a time: boxes are neither possible nor useful.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToHost {
+    /// Number of this millisecond.
+    pub tick: u32,
+    /// Bytes that the converter's driver clocks out, one transaction for each fitted channel.
+    pub spi: Vec<[u8; 3], CHANNELS>,
+    /// What is told of leakage, every tenth time.
+    pub output: Option<Result<Estimate, NoEstimate>>,
+    /// The sample that the estimate was made of, every tenth time.
+    pub sample: Option<Sample>,
+    /// How the tasks are doing, every thousandth time: sample, estimate, publish, store, supervise.
+    pub vitals: Option<[VitalsRead; 5]>,
+    /// Deepest stack, with the vitals.
+    pub stack_bytes: u32,
+    /// Turns in which the watchdog was fed.
+    pub fed: u32,
+    /// Frames that were sent on the CAN bus.
+    pub can: Vec<CanFrame, MAX_CAN>,
+}
+
+/// What the host may ask for besides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Order {
+    /// Go on.
+    Run,
+    /// End the emulation.
+    Stop,
+}
+
+/// From the host.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FromHost {
+    /// Bytes clocked in, for each of [`ToHost::spi`].
+    pub spi: Vec<[u8; 3], CHANNELS>,
+    /// The stamping timer's count.
+    pub count: u32,
+    /// Stamps of the pump's edges.
+    pub pump: Vec<u32, MAX_EDGES>,
+    /// Stamps of the motor's edges.
+    pub motor: Vec<u32, MAX_EDGES>,
+    /// Frames that came on the CAN bus.
+    pub can: Vec<CanFrame, MAX_CAN>,
+    /// What to do.
+    pub order: Order,
+}
+
+/// Puts a message behind its length into `buffer`; the bytes to send, or nothing where it does not fit.
+pub fn pack<'a>(message: &impl Serialize, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    let (head, body) = buffer.split_first_chunk_mut::<HEAD>()?;
+    let length = postcard::to_slice(message, body).ok()?.len();
+    *head = u16::try_from(length).ok()?.to_le_bytes();
+    buffer.get(..HEAD.checked_add(length)?)
+}
+
+/// The message in `bytes`, when all of it is there; the number of bytes that it takes besides.
+pub fn unpack<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Option<(T, usize)> {
+    let (head, rest) = bytes.split_first_chunk::<HEAD>()?;
+    let length = usize::from(u16::from_le_bytes(*head));
+    let message = postcard::from_bytes(rest.get(..length)?).ok()?;
+    Some((message, HEAD.checked_add(length)?))
+}

@@ -1,0 +1,175 @@
+//! One analogue channel: conversions in, readings out.
+//!
+//! Every conversion is judged in this order: is there one; is it inside the electrical window (open, short); inside the
+//! declared range; not further from the last accepted value than the machine can have moved since (rate); not the same to
+//! the last bit for too long while the machine works (stuck). What passes goes through a first-order low-pass filter. A
+//! failure becomes the reading's reason once it is confirmed; until then the reading keeps the last accepted value with
+//! its own, older time stamp, so that nothing is invented and the estimator's age limit still holds.
+//!
+//! An offset or a slow drift inside the range cannot be seen by one channel alone: see
+//! [`plausibility`](super::plausibility).
+
+use kou_estimator::units::Micros;
+use kou_estimator::{Fault, Reading};
+
+use super::adc::{Counts, NoCounts};
+use super::config::{ConfigError, consistent, number, whole};
+use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
+use super::quantity::Quantity;
+use super::scale::Scale;
+
+/// How a channel is filtered and judged. Rates and bands are in the channel's unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AnalogConfig<U> {
+    /// Time between two conversions, 100 to 1 000 000 us.
+    pub period_us: u32,
+    /// Time constant of the low-pass filter, 0 (none) to 60 s.
+    pub filter_s: f32,
+    /// Smallest value that the sensor can rightly show.
+    pub lowest: U,
+    /// Largest value that the sensor can rightly show.
+    pub highest: U,
+    /// Fastest change that the machine can make, per second; above 0.
+    pub max_rate_per_s: f32,
+    /// Noise of a single conversion: changes below it are never too fast; 0 or more.
+    pub noise_band: f32,
+    /// Time for which the conversions may be the same to the last bit while the machine works, in ms; `None` does not
+    /// look. Only for a channel whose noise reaches the last bit.
+    pub stuck_ms: Option<u32>,
+    /// Confirmation and healing.
+    pub debounce: DebounceConfig,
+}
+
+/// A checked channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnalogParams<U> {
+    scale: Scale<U>,
+    config: AnalogConfig<U>,
+    debounce: DebounceParams,
+    /// Share of the difference that the filter takes over at each conversion.
+    gain: f32,
+    stuck_after: u32,
+}
+
+impl<U: Quantity> AnalogParams<U> {
+    /// Checks a channel's configuration.
+    ///
+    /// # Errors
+    /// The first field out of range or inconsistent.
+    pub fn new(scale: Scale<U>, config: &AnalogConfig<U>) -> Result<Self, ConfigError> {
+        whole("period_us", config.period_us, 100, 1_000_000)?;
+        number("filter_s", config.filter_s, 0.0, 60.0)?;
+        number("lowest", config.lowest.bare(), -1e4, 1e4)?;
+        number("highest", config.highest.bare(), -1e4, 1e4)?;
+        consistent("highest", config.highest.bare() > config.lowest.bare(), "it must lie above lowest")?;
+        number("max_rate_per_s", config.max_rate_per_s, 1e-3, 1e6)?;
+        number("noise_band", config.noise_band, 0.0, 1e4)?;
+        if let Some(ms) = config.stuck_ms {
+            whole("stuck_ms", ms, 10, 3_600_000)?;
+        }
+        let period_s = config.period_us as f32 * 1e-6;
+        let gain = if config.filter_s > 0.0 { -libm::expm1f(-period_s / config.filter_s) } else { 1.0 };
+        let stuck_after =
+            config.stuck_ms.map_or(u32::MAX, |ms| (ms.saturating_mul(1000) / config.period_us).max(1));
+        let debounce = DebounceParams::new(&config.debounce)?;
+        Ok(Self { scale, config: *config, debounce, gain, stuck_after })
+    }
+}
+
+/// What a channel remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnalogState {
+    debounce: DebounceState,
+    /// Last accepted value before the filter, and when.
+    accepted: Option<(Micros, f32)>,
+    filtered: f32,
+    last: Option<Counts>,
+    same: u32,
+    now: Micros,
+}
+
+impl AnalogState {
+    /// State before the first conversion.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            debounce: DebounceState::new(),
+            accepted: None,
+            filtered: 0.0,
+            last: None,
+            same: 0,
+            now: Micros(0),
+        }
+    }
+
+    /// Takes one conversion in. `live` says that the machine works, so that its signals must move.
+    pub fn observe<U: Quantity>(
+        &mut self,
+        params: &AnalogParams<U>,
+        now: Micros,
+        conversion: Result<Counts, NoCounts>,
+        live: bool,
+    ) {
+        self.now = now;
+        let judged = self.judge(params, now, conversion, live);
+        if let Ok(value) = judged {
+            self.filtered = match self.accepted {
+                Some(_) => self.filtered + params.gain * (value - self.filtered),
+                None => value,
+            };
+            self.accepted = Some((now, value));
+        }
+        let confirmed = self.debounce.judge(&params.debounce, judged.map(|_| ()));
+        let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
+        if confirmed || leaps {
+            // What comes after a confirmed fault is a new beginning, wherever it stands; and as long as the signal leaps, so
+            // is each value, or a last wild one would be the measure of the good ones after it.
+            self.accepted = None;
+        }
+    }
+
+    /// The reading as it stands: the filtered value, or the confirmed fault.
+    #[must_use]
+    pub fn reading<U: Quantity>(&self) -> Reading<U> {
+        match (self.debounce.fault(), self.accepted) {
+            (Some(fault), _) => Reading::failed(self.now, fault),
+            (None, Some((time, _))) => Reading::new(time, U::from_bare(self.filtered)),
+            (None, None) => Reading::failed(self.now, Fault::Missing),
+        }
+    }
+
+    fn judge<U: Quantity>(
+        &mut self,
+        params: &AnalogParams<U>,
+        now: Micros,
+        conversion: Result<Counts, NoCounts>,
+        live: bool,
+    ) -> Result<f32, Fault> {
+        let config = &params.config;
+        let counts = conversion.map_err(|_| Fault::Missing)?;
+        self.same = if live && self.last == Some(counts) { self.same.saturating_add(1) } else { 0 };
+        self.last = Some(counts);
+        let value = params.scale.value(counts)?.bare();
+        if value < config.lowest.bare() || value > config.highest.bare() {
+            return Err(Fault::OutOfRange);
+        }
+        if let Some((then, before)) = self.accepted {
+            let elapsed_s = now.0.saturating_sub(then.0) as f32 * 1e-6;
+            let reach = config.noise_band + config.max_rate_per_s * elapsed_s;
+            if (value - before).abs() > reach {
+                return Err(Fault::Rate);
+            }
+        }
+        if self.same >= params.stuck_after {
+            return Err(Fault::Stuck);
+        }
+        Ok(value)
+    }
+}
+
+impl Default for AnalogState {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,56 @@
+//! What every sensor's configuration shares: how it is refused, and the checks that refuse it.
+
+use core::fmt;
+
+use kou_estimator::Problem;
+
+/// Why a sensor's configuration is refused.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ConfigError {
+    /// Name of the field.
+    pub field: &'static str,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.problem {
+            Problem::NotFinite => write!(f, "`{}` is not a finite number", self.field),
+            Problem::OutOfRange { value, min, max } => {
+                write!(f, "`{}` is {value}; allowed: {min} to {max}", self.field)
+            }
+            Problem::Inconsistent(why) => write!(f, "`{}` is inconsistent: {why}", self.field),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// A finite number from `min` to `max`.
+pub(super) fn number(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), ConfigError> {
+    let problem = if !value.is_finite() {
+        Problem::NotFinite
+    } else if value < min || value > max {
+        Problem::OutOfRange { value, min, max }
+    } else {
+        return Ok(());
+    };
+    Err(ConfigError { field, problem })
+}
+
+/// A whole number from `min` to `max`.
+pub(super) fn whole(field: &'static str, value: u32, min: u32, max: u32) -> Result<(), ConfigError> {
+    // Exact for the report's purpose: every limit in use is below 2^24 or a round number.
+    number(field, value as f32, min as f32, max as f32)
+}
+
+/// A condition between fields.
+pub(super) fn consistent(
+    field: &'static str,
+    holds: bool,
+    otherwise: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError { field, problem: Problem::Inconsistent(otherwise) }) }
+}

@@ -1,0 +1,88 @@
+//! A judgement of each sample into a fault that is confirmed or healed.
+//!
+//! A level rises by [`RISE`] with a bad sample and falls by one with a good one; at [`RISE`] times `confirm` the fault is
+//! confirmed. So an intermittent fault confirms when more than one sample in five is bad, and a single bad one never.
+//! A confirmed fault heals after `heal` good samples in a row.
+
+use kou_estimator::Fault;
+
+use super::config::{ConfigError, whole};
+
+/// How fast bad samples outweigh good ones.
+pub const RISE: u32 = 4;
+
+/// How long a fault must last before it is believed, and its absence before it is forgiven; in samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DebounceConfig {
+    /// Bad samples in a row that confirm a fault, 1 to 60 000.
+    pub confirm: u32,
+    /// Good samples in a row that heal it, 1 to 60 000.
+    pub heal: u32,
+}
+
+/// Checked limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DebounceParams {
+    config: DebounceConfig,
+}
+
+impl DebounceParams {
+    /// Checks the limits.
+    ///
+    /// # Errors
+    /// The one that is out of range.
+    pub fn new(config: &DebounceConfig) -> Result<Self, ConfigError> {
+        whole("debounce.confirm", config.confirm, 1, 60_000)?;
+        whole("debounce.heal", config.heal, 1, 60_000)?;
+        Ok(Self { config: *config })
+    }
+}
+
+/// Level and confirmed fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct DebounceState {
+    level: u32,
+    good: u32,
+    fault: Option<Fault>,
+}
+
+impl DebounceState {
+    /// No fault.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { level: 0, good: 0, fault: None }
+    }
+
+    /// The confirmed fault.
+    #[must_use]
+    pub const fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Takes the judgement of one sample; true when it has just confirmed a fault.
+    pub fn judge(&mut self, params: &DebounceParams, judgement: Result<(), Fault>) -> bool {
+        let DebounceConfig { confirm, heal } = params.config;
+        match judgement {
+            Ok(()) => {
+                self.level = self.level.saturating_sub(1);
+                self.good = self.good.saturating_add(1).min(heal);
+                if self.fault.is_some() && self.good >= heal {
+                    *self = Self::new();
+                }
+                false
+            }
+            Err(fault) => {
+                self.good = 0;
+                let top = RISE.saturating_mul(confirm);
+                self.level = self.level.saturating_add(RISE).min(top);
+                let fresh = self.fault.is_none() && self.level >= top;
+                if fresh || self.fault.is_some() {
+                    // A confirmed fault keeps the name that fits now: a wire that was open may become shorted.
+                    self.fault = Some(fault);
+                }
+                fresh
+            }
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! What one sensor alone cannot know: whether the set makes sense together.
+//!
+//! | rule | when | says of |
+//! |---|---|---|
+//! | the low line is at charge pressure | the pump turns | the low line's sensor |
+//! | both lines are at charge pressure | the pump turns, displacement about zero | each sensor outside |
+//! | the motor turns | pump turns, displacement large, high line below its relief setting | motor pickup |
+//! | the pump turns | the motor turns | pump pickup |
+//! | the motor is not faster than pump and displacement allow | the pump turns | motor pickup |
+//!
+//! Each rule has a debounce of its own and, once confirmed, makes the reading `Implausible`. Limits: an offset of the high
+//! line's sensor shows only while its line is low or the drive idles; an offset of the thermometer not at all.
+
+use kou_estimator::units::{Megapascal, Ratio, RevPerMin};
+use kou_estimator::{Fault, Reading};
+
+use super::config::{ConfigError, consistent, number};
+use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
+
+/// Bounds between the sensors of one drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PlausibilityConfig {
+    /// Pump speed from which the charge circuit holds its pressure and signals must move, 50 to 2000 r/min.
+    pub working_speed: RevPerMin,
+    /// Lowest charge pressure, -0.1 to 10 MPa.
+    pub charge_lowest: Megapascal,
+    /// Highest charge pressure, up to 10 MPa.
+    pub charge_highest: Megapascal,
+    /// Displacement below which the drive idles, 0 to 0.2.
+    pub idle_displacement: Ratio,
+    /// Displacement from which the motor must turn, 0.1 to 1.
+    pub driving_displacement: Ratio,
+    /// High-line pressure from which a load may hold the motor: some MPa below the relief valve's setting, 1 to 100 MPa.
+    pub stall_pressure: Megapascal,
+    /// Largest speed ratio at full displacement, 0.1 to 10: displacement ratio, and a margin.
+    pub largest_ratio: Ratio,
+    /// Confirmation and healing, in calls.
+    pub debounce: DebounceConfig,
+}
+
+/// Checked bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlausibilityParams {
+    config: PlausibilityConfig,
+    debounce: DebounceParams,
+}
+
+impl PlausibilityParams {
+    /// Checks the bounds.
+    ///
+    /// # Errors
+    /// The first field out of range or inconsistent.
+    pub fn new(config: &PlausibilityConfig) -> Result<Self, ConfigError> {
+        number("working_speed", config.working_speed.get(), 50.0, 2000.0)?;
+        number("charge_lowest", config.charge_lowest.get(), -0.1, 10.0)?;
+        number("charge_highest", config.charge_highest.get(), -0.1, 10.0)?;
+        consistent(
+            "charge_highest",
+            config.charge_highest > config.charge_lowest,
+            "it must lie above charge_lowest",
+        )?;
+        number("idle_displacement", config.idle_displacement.get(), 0.0, 0.2)?;
+        number("driving_displacement", config.driving_displacement.get(), 0.1, 1.0)?;
+        number("stall_pressure", config.stall_pressure.get(), 1.0, 100.0)?;
+        number("largest_ratio", config.largest_ratio.get(), 0.1, 10.0)?;
+        Ok(Self { config: *config, debounce: DebounceParams::new(&config.debounce)? })
+    }
+
+    /// Highest charge pressure.
+    #[must_use]
+    pub const fn charge_highest(&self) -> Megapascal {
+        self.config.charge_highest
+    }
+
+    /// Whether the machine works at this pump speed.
+    #[must_use]
+    pub fn works_at(&self, pump: &Reading<RevPerMin>) -> bool {
+        pump.value.is_ok_and(|n| n >= self.config.working_speed)
+    }
+}
+
+/// Which rules are broken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PlausibilityState {
+    line_a: DebounceState,
+    line_b: DebounceState,
+    pump: DebounceState,
+    motor: DebounceState,
+}
+
+/// The readings that the rules compare; whatever breaks one is made `Implausible` in place.
+#[derive(Debug)]
+pub struct Readings<'a> {
+    /// Pump speed, without sign.
+    pub pump: &'a mut Reading<RevPerMin>,
+    /// Motor speed, without sign.
+    pub motor: &'a mut Reading<RevPerMin>,
+    /// Pressure of line A.
+    pub line_a: &'a mut Reading<Megapascal>,
+    /// Pressure of line B, where it is measured.
+    pub line_b: Option<&'a mut Reading<Megapascal>>,
+    /// Displacement; not fitted means full.
+    pub displacement: &'a Reading<Ratio>,
+}
+
+impl PlausibilityState {
+    /// No rule broken.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            line_a: DebounceState::new(),
+            line_b: DebounceState::new(),
+            pump: DebounceState::new(),
+            motor: DebounceState::new(),
+        }
+    }
+
+    /// Compares a set of readings, and marks what does not fit.
+    pub fn judge(&mut self, params: &PlausibilityParams, readings: Readings<'_>) {
+        let Readings { pump, motor, line_a, line_b, displacement } = readings;
+        let alpha = match displacement.value {
+            Ok(alpha) => Some(alpha.get().abs()),
+            Err(Fault::NotFitted) => Some(1.0),
+            Err(_) => None,
+        };
+        let works = params.works_at(pump);
+        let (a, b) = (line_a.value.ok(), line_b.as_ref().and_then(|line| line.value.ok()));
+
+        let (pump_fits, motor_fits) = params.speeds(pump, motor, a, b, alpha);
+        let idle = alpha.is_some_and(|alpha| alpha <= params.config.idle_displacement.get());
+        let (a_fits, b_fits) = if works { params.lines(a, b, idle) } else { (None, None) };
+
+        // A pump that reads zero while the motor turns is not at rest: its rule holds at any speed.
+        settle(&mut self.pump, params, pump_fits, pump);
+        settle(&mut self.motor, params, motor_fits, motor);
+        settle(&mut self.line_a, params, a_fits, line_a);
+        if let Some(line_b) = line_b {
+            settle(&mut self.line_b, params, b_fits, line_b);
+        }
+    }
+}
+
+impl PlausibilityParams {
+    /// Whether each line's pressure fits; `None` where nothing can be said.
+    fn lines(
+        &self,
+        a: Option<Megapascal>,
+        b: Option<Megapascal>,
+        idle: bool,
+    ) -> (Option<bool>, Option<bool>) {
+        let at_charge = |p: Megapascal| p >= self.config.charge_lowest && p <= self.config.charge_highest;
+        match (a, b) {
+            (Some(a), b) if idle => (Some(at_charge(a)), b.map(at_charge)),
+            (Some(a), Some(b)) if a < b => (Some(at_charge(a)), None),
+            (Some(_), Some(b)) => (None, Some(at_charge(b))),
+            _ => (None, None),
+        }
+    }
+
+    /// Whether pump and motor speed fit; `None` where nothing can be said.
+    fn speeds(
+        &self,
+        pump: &Reading<RevPerMin>,
+        motor: &Reading<RevPerMin>,
+        a: Option<Megapascal>,
+        b: Option<Megapascal>,
+        alpha: Option<f32>,
+    ) -> (Option<bool>, Option<bool>) {
+        let config = &self.config;
+        let (Ok(n_p), Ok(n_m)) = (pump.value, motor.value) else { return (None, None) };
+        if n_p < config.working_speed {
+            // A motor that is driven by its load turns the pump, too, unless the displacement is about zero.
+            let linked = alpha.is_some_and(|alpha| alpha >= config.driving_displacement.get());
+            let contradicts = n_p.get() == 0.0 && n_m >= config.working_speed;
+            return if linked { (Some(!contradicts), None) } else { (None, None) };
+        }
+        let Some(alpha) = alpha else { return (Some(true), None) };
+        // The motor coasts for a moment after the displacement is taken back; the debounce outlasts it.
+        let fastest = config.largest_ratio.get() * n_p.get() * alpha.max(config.idle_displacement.get());
+        if n_m.get() > fastest {
+            return (Some(true), Some(false));
+        }
+        let high = match (a, b) {
+            (Some(a), Some(b)) => Some(if a > b { a } else { b }),
+            (one, other) => one.or(other),
+        };
+        let may_stand = alpha < config.driving_displacement.get()
+            || high.is_none_or(|high| high >= config.stall_pressure);
+        (Some(true), if may_stand && n_m.get() == 0.0 { None } else { Some(n_m.get() > 0.0) })
+    }
+}
+
+/// Takes a judgement in, and makes the reading `Implausible` while the fault is confirmed.
+fn settle<U>(
+    state: &mut DebounceState,
+    params: &PlausibilityParams,
+    fits: Option<bool>,
+    reading: &mut Reading<U>,
+) {
+    if let Some(fits) = fits {
+        state.judge(&params.debounce, if fits { Ok(()) } else { Err(Fault::Implausible) });
+    }
+    if let (Some(fault), Ok(_)) = (state.fault(), &reading.value) {
+        *reading = Reading::failed(reading.time, fault);
+    }
+}

@@ -1,0 +1,178 @@
+//! All sensors together: what they say of each other, and what becomes of a sample.
+
+use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
+use kou_estimator::{Fault, Sample};
+
+use super::wheel::Wheel;
+use crate::sensors::adc::Counts;
+use crate::sensors::set::{Inputs, SensorsParams, SensorsState};
+use crate::sensors::wiring;
+
+/// A drive as its sensors should see it.
+#[derive(Debug, Clone, Copy)]
+struct Drive {
+    n_p: f64,
+    n_m: f64,
+    p_a: f64,
+    p_b: f64,
+    t_b: f64,
+    alpha: f64,
+}
+
+const CRUISE: Drive = Drive { n_p: 1500.0, n_m: 1400.0, p_a: 25.0, p_b: 1.5, t_b: 60.0, alpha: 1.0 };
+
+struct Bench {
+    params: SensorsParams,
+    state: SensorsState,
+    pump: Wheel,
+    motor: Wheel,
+    ms: u64,
+    before: Drive,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            params: SensorsParams::new(&wiring::REFERENCE).unwrap(),
+            state: SensorsState::new(),
+            pump: Wheel::new(60, 0, 0),
+            motor: Wheel::new(60, 0, 0),
+            ms: 0,
+            before: CRUISE,
+        }
+    }
+
+    /// Runs for a time and returns the last sample; every tenth millisecond takes one, as the tasks do.
+    fn run(&mut self, ms: u64, drive: Drive) -> Sample {
+        let mut sample = Sample::empty(Micros(0));
+        for _ in 0..ms {
+            self.ms += 1;
+            let mut inputs = Inputs::new();
+            let noise = 0.0005 * ((self.ms % 3) as f64 - 1.0);
+            let line = |mpa: f64| (4.0 + 16.0 * mpa / 60.0) * 1e-3 * 150.0 / 3.3;
+            let ohm = 1000.0 * (1.0 + 3.9083e-3 * drive.t_b - 5.775e-7 * drive.t_b * drive.t_b);
+            let shares =
+                [line(drive.p_a), line(drive.p_b), ohm / (ohm + 2200.0), 0.5 + 0.8 * drive.alpha / 2.2];
+            inputs.analog = shares
+                .map(|share| Ok(Counts::new(((share + noise) * 4096.0).clamp(0.0, 4095.0) as u16).unwrap()));
+            for time in self.pump.millisecond(self.before.n_p, drive.n_p) {
+                inputs.pump.push(self.pump.stamp(time));
+            }
+            for time in self.motor.millisecond(self.before.n_m, drive.n_m) {
+                inputs.motor.push(self.motor.stamp(time));
+            }
+            inputs.count = self.pump.stamp(self.pump.time_s());
+            self.before = drive;
+            self.state.observe(&self.params, Micros(self.ms * 1000), &inputs);
+            if self.ms.is_multiple_of(10) {
+                sample = self.state.sample(&self.params);
+            }
+        }
+        sample
+    }
+}
+
+#[test]
+fn a_healthy_drive_gives_a_whole_sample() {
+    let sample = Bench::new().run(2000, CRUISE);
+    assert!((sample.pump_speed.value.unwrap().get() - 1500.0).abs() < 0.02);
+    assert!((sample.motor_speed.value.unwrap().get() - 1400.0).abs() < 0.02);
+    // One count is 0.02 MPa, 0.3 K and 0.0007; the noise that is put in averages out.
+    assert!((sample.high_pressure.value.unwrap().get() - 25.0).abs() < 0.03);
+    assert!((sample.low_pressure.value.unwrap().get() - 1.5).abs() < 0.03);
+    assert!((sample.oil_temperature.value.unwrap().get() - 60.0).abs() < 0.4);
+    assert!((sample.displacement.value.unwrap().get() - 1.0).abs() < 0.001);
+    assert_eq!(sample.flow.value, Err(Fault::NotFitted));
+    assert_eq!(sample.time, Micros(2_000_000));
+}
+
+#[test]
+fn reversed_the_lines_swap_and_the_motor_has_the_sign_of_the_displacement() {
+    let reversed = Drive { p_a: 1.5, p_b: 20.0, alpha: -0.6, n_m: 850.0, ..CRUISE };
+    let mut bench = Bench::new();
+    bench.run(1000, CRUISE);
+    let sample = bench.run(2000, reversed);
+    assert!((sample.high_pressure.value.unwrap().get() - 20.0).abs() < 0.03);
+    assert!((sample.low_pressure.value.unwrap().get() - 1.5).abs() < 0.03);
+    assert!((sample.motor_speed.value.unwrap().get() + 850.0).abs() < 0.02);
+}
+
+#[test]
+fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
+    type Blame = fn(&Sample) -> Option<Fault>;
+    let cases: [(&str, Drive, Blame); 5] = [
+        // The low line's sensor is 5 MPa too high.
+        ("low line", Drive { p_b: 6.5, ..CRUISE }, |s| s.low_pressure.value.err()),
+        // Idle, and line A says 10 MPa.
+        ("idle", Drive { alpha: 0.0, p_a: 10.0, n_m: 0.0, ..CRUISE }, |s| s.high_pressure.value.err()),
+        ("dead motor pickup", Drive { n_m: 0.0, ..CRUISE }, |s| s.motor_speed.value.err()),
+        ("dead pump pickup", Drive { n_p: 0.0, ..CRUISE }, |s| s.pump_speed.value.err()),
+        ("motor too fast", Drive { n_m: 1900.0, ..CRUISE }, |s| s.motor_speed.value.err()),
+    ];
+    for (what, wrong, blame) in cases {
+        let mut bench = Bench::new();
+        let sample = bench.run(2000, CRUISE);
+        assert_eq!(blame(&sample), None, "{what}: {sample:?}");
+        let sample = bench.run(1200, wrong);
+        assert_eq!(blame(&sample), Some(Fault::Implausible), "{what}: {sample:?}");
+        // A line's sensor can only prove itself again where its rule applies: idle, and there both lines do.
+        bench.run(2000, Drive { alpha: 0.0, p_a: 1.6, n_m: 0.0, ..CRUISE });
+        let sample = bench.run(2000, CRUISE);
+        assert_eq!(blame(&sample), None, "{what}: {sample:?}");
+    }
+}
+
+#[test]
+fn what_a_drive_may_rightly_do_is_plausible() {
+    let cases = [
+        ("at rest", Drive { n_p: 0.0, n_m: 0.0, p_a: 0.0, p_b: 0.0, alpha: 0.0, ..CRUISE }),
+        ("idle", Drive { n_m: 0.0, p_a: 1.6, p_b: 1.5, alpha: 0.0, ..CRUISE }),
+        ("stalled at the relief valve", Drive { n_m: 0.0, p_a: 48.0, ..CRUISE }),
+        ("overrunning", Drive { p_a: 1.5, p_b: 12.0, n_m: 1530.0, ..CRUISE }),
+        ("creeping", Drive { n_m: 20.0, alpha: 0.05, p_a: 8.0, ..CRUISE }),
+    ];
+    for (what, drive) in cases {
+        let mut bench = Bench::new();
+        bench.run(500, CRUISE);
+        let sample = bench.run(5000, drive);
+        let implausible = [
+            sample.pump_speed.value.err(),
+            sample.motor_speed.value.err(),
+            sample.high_pressure.value.err(),
+            sample.low_pressure.value.err(),
+        ]
+        .contains(&Some(Fault::Implausible));
+        assert!(!implausible, "{what}: {sample:?}");
+    }
+}
+
+#[test]
+fn a_broken_line_sensor_is_blamed_on_the_line_that_it_is_on() {
+    let mut bench = Bench::new();
+    bench.run(1000, CRUISE);
+    // -10 MPa are 1.3 mA: a broken loop.
+    let sample = bench.run(200, Drive { p_b: -10.0, ..CRUISE });
+    assert!(sample.high_pressure.value.is_ok());
+    assert_eq!(sample.low_pressure.value, Err(Fault::Open));
+    let mut bench = Bench::new();
+    let sample = bench.run(200, Drive { p_a: -10.0, ..CRUISE });
+    assert_eq!(sample.high_pressure.value, Err(Fault::Open));
+    assert!(sample.low_pressure.value.is_ok());
+    let sample = bench.run(200, Drive { p_a: -10.0, p_b: -10.0, ..CRUISE });
+    assert_eq!(sample.high_pressure.value, Err(Fault::Open));
+    assert_eq!(sample.low_pressure.value, Err(Fault::Open));
+}
+
+#[test]
+fn without_the_optional_sensors_their_readings_are_not_fitted() {
+    let mut config = wiring::REFERENCE;
+    config.line_b = None;
+    config.displacement = None;
+    let mut bench = Bench { params: SensorsParams::new(&config).unwrap(), ..Bench::new() };
+    let sample = bench.run(1000, CRUISE);
+    assert!(sample.high_pressure.value.is_ok());
+    assert_eq!(sample.low_pressure.value, Err::<Megapascal, _>(Fault::NotFitted));
+    assert_eq!(sample.displacement.value, Err::<Ratio, _>(Fault::NotFitted));
+    assert!(sample.motor_speed.value.is_ok_and(|n| n > RevPerMin(0.0)));
+    assert!(sample.oil_temperature.value.is_ok_and(|t| t > Celsius(0.0)));
+}

@@ -1,0 +1,143 @@
+//! The vehicle's controller in QEMU: the tasks that a board on a vehicle runs, with hardware that the host emulates.
+//!
+//! `host-sim pil --plant` starts it and drives it through a scenario.
+#![no_std]
+#![no_main]
+#![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m_rt::entry;
+use embassy_executor::SpawnError;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+use kou_app::controller::{
+    Bus, Controller, NoEstimate, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
+    run_supervise,
+};
+use kou_app::j1939::{Name, NameConfig, Node};
+use kou_app::rig::{MAX_LEN, ToHost};
+use kou_app::sensors::adc::{Mcp3208, request};
+use kou_app::sensors::{SensorsParams, wiring};
+use kou_estimator::calibration::record;
+use kou_estimator::units::Micros;
+use kou_estimator::{Estimate, Params};
+use kou_qemu_mps2_an386::exit::Exit;
+use kou_qemu_mps2_an386::rig::{Can, Dog, Line, Spi, Timer};
+use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
+
+static CONTROLLER: Controller<CriticalSectionRawMutex> = Controller::new();
+static FED: AtomicU32 = AtomicU32::new(0);
+
+/// Serial number and preferred address on the bus.
+const SERIAL: u32 = 1;
+const ADDRESS: u8 = 0x8C;
+
+/// Turns of the sampling task between two outputs, and between two looks at the tasks.
+const OUTPUT_TURNS: u32 = 10;
+const VITALS_TURNS: u32 = 1000;
+
+type FrontEnd = Sampler<Mcp3208<Spi>, Timer<fn(&mut ToHost)>>;
+
+#[embassy_executor::task]
+async fn sample(start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
+    run_sample(&CONTROLLER, start, &params, &mut front_end).await
+}
+
+#[embassy_executor::task]
+async fn estimate(start: Instant) {
+    run_estimate(&CONTROLLER, start).await
+}
+
+#[embassy_executor::task]
+async fn publish(start: Instant) {
+    let Ok(name) = Name::new(&NameConfig::transmission(SERIAL)) else { Exit::Spawn.now() };
+    run_publish(&CONTROLLER, start, &mut Bus::new(Can::new(), Node::new(name, ADDRESS))).await
+}
+
+#[embassy_executor::task]
+async fn store(start: Instant) {
+    run_store(&CONTROLLER, start, &mut Nobody).await
+}
+
+#[embassy_executor::task]
+async fn supervise(start: Instant) {
+    run_supervise(&CONTROLLER, start, &mut Dog::new(&FED)).await
+}
+
+/// No flash yet.
+struct Nobody;
+
+impl Store for Nobody {
+    async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {}
+}
+
+/// What the host is told beside what the hardware needs.
+fn tell(message: &mut ToHost) {
+    message.fed = FED.load(Ordering::Relaxed);
+    if message.tick % OUTPUT_TURNS == 1 {
+        message.output = Some(CONTROLLER.output(Micros(Instant::now().as_micros())));
+        message.sample = CONTROLLER.sample();
+    }
+    if message.tick % VITALS_TURNS == 1 {
+        message.vitals = Some(CONTROLLER.vitals.read());
+        message.stack_bytes = STACK.load(Ordering::Relaxed);
+    }
+}
+
+/// Deepest stack, as last looked at: looking takes milliseconds, so the thread does it, below all tasks.
+static STACK: AtomicU32 = AtomicU32::new(0);
+const STACK_PERIOD: Duration = Duration::from_millis(500);
+
+/// Parameters of the record with which the host begins.
+// Not inlined: its temporaries are large, and inlined they would live in the task for good.
+#[inline(never)]
+fn calibration(line: &mut Line) -> Option<Params> {
+    let mut buffer = [0; MAX_LEN];
+    let calibration = record::decode(line.calibration(&mut buffer)?).ok()?;
+    Params::new(&calibration).ok()
+}
+
+fn start(mut line: Line) -> Result<(), SpawnError> {
+    if let Some(params) = calibration(&mut line) {
+        // There is room: nobody has sent before.
+        CONTROLLER.candidate.try_send(params).ok();
+    }
+    let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
+    let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
+        params.inputs().iter().flatten().map(|input| request(*input)).collect();
+    let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(line, asks, tell as fn(&mut ToHost)));
+    let [highest, high, low] = priority::start();
+    let start = Instant::now();
+    highest.spawn(sample(start, params, front_end)?);
+    high.spawn(estimate(start)?);
+    low.spawn(publish(start)?);
+    low.spawn(store(start)?);
+    low.spawn(supervise(start)?);
+    Ok(())
+}
+
+#[entry]
+fn main() -> ! {
+    QemuMps2An386::init();
+    defmt::info!("controller {=str} up", env!("CARGO_PKG_VERSION"));
+    let Ok(line) = Line::open() else {
+        semihosting::eprintln!(
+            "nobody is on the controller's line; `host-sim pil --plant` starts it and drives it"
+        );
+        Exit::Shutdown.now()
+    };
+    if start(line).is_err() {
+        Exit::Spawn.now()
+    }
+    let mut looked = Instant::now();
+    loop {
+        // No sleep: with `-icount`, QEMU's clock overshoots the next alarm by up to a millisecond when its processor wakes.
+        cortex_m::asm::nop();
+        if looked.elapsed() >= STACK_PERIOD {
+            looked = Instant::now();
+            STACK.store(stack::high_water_bytes(), Ordering::Relaxed);
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! Executors of three priorities: the tasks of one interrupt those of the ones below it.
+//!
+//! The thread is left with nothing to do. (Its own executor would wait for events, and each such wait costs QEMU dearly.)
+//! Each runs in an interrupt of no peripheral in use, which the executor itself pends. The timers' interrupts stay above
+//! all, or no task would be woken while one runs.
+
+use embassy_executor::{InterruptExecutor, SendSpawner};
+
+use crate::registers::write;
+use crate::vectors::Interrupt;
+
+/// Priorities of interrupts 20 to 23, a byte each; smaller is higher, and the timers' is 0.
+const PRIORITIES_OF_20: usize = 0xE000_E414;
+const HIGHEST_PRIORITY: u32 = 0x40;
+const HIGH_PRIORITY: u32 = 0x80;
+const LOW_PRIORITY: u32 = 0xC0;
+
+static HIGHEST: InterruptExecutor = InterruptExecutor::new();
+static HIGH: InterruptExecutor = InterruptExecutor::new();
+static LOW: InterruptExecutor = InterruptExecutor::new();
+
+/// Starts them; call it once. Spawners of the highest, of high and of low priority.
+pub fn start() -> [SendSpawner; 3] {
+    write(PRIORITIES_OF_20, HIGHEST_PRIORITY | HIGH_PRIORITY << 8 | LOW_PRIORITY << 16);
+    [HIGHEST.start(Interrupt::Highest), HIGH.start(Interrupt::High), LOW.start(Interrupt::Low)]
+}
+
+#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+pub(crate) extern "C" fn on_highest() {
+    // SAFETY: this is the handler of the interrupt that was given to `HIGHEST.start`.
+    unsafe { HIGHEST.on_interrupt() }
+}
+
+#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+pub(crate) extern "C" fn on_high() {
+    // SAFETY: this is the handler of the interrupt that was given to `HIGH.start`.
+    unsafe { HIGH.on_interrupt() }
+}
+
+#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+pub(crate) extern "C" fn on_low() {
+    // SAFETY: this is the handler of the interrupt that was given to `LOW.start`.
+    unsafe { LOW.on_interrupt() }
+}

@@ -1,0 +1,214 @@
+//! The controller's hardware in QEMU: a converter and a timer whose other end is the host.
+//!
+//! Once in a millisecond, when the sampling task asks for the edges, one message goes to the host and one comes back; the
+//! converter's transactions of that millisecond are in it already, because the task asks for the same inputs each time.
+//! The driver still clocks its own bytes: a transaction that was not foreseen fails.
+
+use core::cell::RefCell;
+
+use critical_section::Mutex;
+use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use heapless::{Deque, Vec};
+use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
+use kou_app::j1939::{Frame, Id};
+use kou_app::rig::{CanFrame, FromHost, MAX_LEN, Order, ToHost, pack, unpack};
+use kou_app::sensors::pickup::Edges;
+use kou_app::sensors::set::CHANNELS;
+use semihosting::fs::File;
+use semihosting::io::{self, Read, Write};
+
+use crate::exit::Exit;
+use crate::line::{REQUESTS, RESPONSES};
+
+/// Transactions of this millisecond: bytes out, bytes in.
+type Transactions = Vec<([u8; 3], [u8; 3]), CHANNELS>;
+
+static TRANSACTIONS: Mutex<RefCell<Transactions>> = Mutex::new(RefCell::new(Vec::new()));
+
+/// Frames that a CAN controller's queues hold.
+const CAN_QUEUE: usize = 16;
+static SENT: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+static COME: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+
+/// The CAN controller, whose bus the host emulates.
+pub struct Can(());
+
+impl Can {
+    /// The controller.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(())
+    }
+}
+
+impl Default for Can {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl CanPort for Can {
+    fn receive(&mut self) -> Option<Frame> {
+        let (id, data) = critical_section::with(|cs| COME.borrow_ref_mut(cs).pop_front())?;
+        Frame::of(Id::from_raw(id), &data)
+    }
+
+    fn send(&mut self, frame: &Frame) -> bool {
+        let Ok(data) = Vec::from_slice(frame.data()) else { return false };
+        critical_section::with(|cs| SENT.borrow_ref_mut(cs).push_back((frame.id().raw(), data))).is_ok()
+    }
+}
+
+/// The line to the host.
+pub struct Line {
+    from_host: File,
+    to_host: File,
+}
+
+impl Line {
+    /// Opens the line; the host opens its ends in the same order.
+    ///
+    /// # Errors
+    /// When there is no such file: nobody is there.
+    pub fn open() -> io::Result<Self> {
+        Ok(Self { from_host: File::open(REQUESTS)?, to_host: File::create(RESPONSES)? })
+    }
+
+    /// The next message from the host, which is at most [`MAX_LEN`] bytes and comes in one piece.
+    fn receive<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<&'a [u8]> {
+        let length = self.from_host.read(buffer).ok().filter(|&length| length > 0)?;
+        buffer.get(..length)
+    }
+
+    /// The calibration record with which the host begins; empty for none.
+    pub fn calibration<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<&'a [u8]> {
+        unpack(self.receive(buffer)?).map(|(record, _)| record)
+    }
+}
+
+/// The stamping timer, and with it the exchange.
+pub struct Timer<F> {
+    line: Line,
+    tick: u32,
+    asks: Vec<[u8; 3], CHANNELS>,
+    tell: F,
+}
+
+impl<F: FnMut(&mut ToHost)> Timer<F> {
+    /// A timer that asks the converter for `asks` each time, and lets `tell` fill in what else the host is told.
+    pub fn new(line: Line, asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
+        Self { line, tick: 0, asks, tell }
+    }
+
+    fn exchange(&mut self) -> Option<FromHost> {
+        let mut message = ToHost {
+            tick: self.tick,
+            spi: self.asks.clone(),
+            output: None,
+            sample: None,
+            vitals: None,
+            stack_bytes: 0,
+            fed: 0,
+            can: Vec::new(),
+        };
+        (self.tell)(&mut message);
+        critical_section::with(|cs| {
+            let mut sent = SENT.borrow_ref_mut(cs);
+            while let Some(frame) = sent.pop_front() {
+                if let Err(frame) = message.can.push(frame) {
+                    // There is room again: it was taken from there.
+                    sent.push_front(frame).ok();
+                    break;
+                }
+            }
+        });
+        let mut buffer = [0; MAX_LEN];
+        self.line.to_host.write_all(pack(&message, &mut buffer)?).ok()?;
+        unpack(self.line.receive(&mut buffer)?).map(|(answer, _)| answer)
+    }
+}
+
+impl<F: FnMut(&mut ToHost)> EdgeTimer for Timer<F> {
+    fn take(&mut self, pump: &mut Edges, motor: &mut Edges) -> u32 {
+        self.tick = self.tick.wrapping_add(1);
+        let Some(answer) = self.exchange() else { Exit::HostGone.now() };
+        if answer.order == Order::Stop {
+            Exit::Shutdown.now();
+        }
+        critical_section::with(|cs| {
+            let mut transactions = TRANSACTIONS.borrow_ref_mut(cs);
+            transactions.clear();
+            transactions.extend(self.asks.iter().copied().zip(answer.spi.iter().copied()));
+            let mut come = COME.borrow_ref_mut(cs);
+            for frame in answer.can {
+                // A full queue loses the newest, as a CAN controller's does.
+                come.push_back(frame).ok();
+            }
+        });
+        for (edges, stamps) in [(pump, &answer.pump), (motor, &answer.motor)] {
+            for &stamp in stamps {
+                edges.push(stamp);
+            }
+        }
+        answer.count
+    }
+}
+
+/// The converter's bus and chip select.
+pub struct Spi(());
+
+impl Spi {
+    /// The bus.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(())
+    }
+}
+
+impl Default for Spi {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ErrorType for Spi {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Spi {
+    async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        let [Operation::TransferInPlace(bytes)] = operations else { return Err(ErrorKind::Other) };
+        critical_section::with(|cs| {
+            let transactions = TRANSACTIONS.borrow_ref(cs);
+            let (_, back) =
+                transactions.iter().find(|(out, _)| out.as_slice() == &**bytes).ok_or(ErrorKind::Other)?;
+            bytes.copy_from_slice(back);
+            Ok(())
+        })
+    }
+}
+
+/// A watchdog that ends the emulation when it is given up, and counts how often it was fed.
+pub struct Dog {
+    fed: &'static core::sync::atomic::AtomicU32,
+}
+
+impl Dog {
+    /// Counts in `fed`.
+    #[must_use]
+    pub const fn new(fed: &'static core::sync::atomic::AtomicU32) -> Self {
+        Self { fed }
+    }
+}
+
+impl Watchdog for Dog {
+    fn feed(&mut self) {
+        use core::sync::atomic::Ordering::Relaxed;
+        self.fed.store(self.fed.load(Relaxed).wrapping_add(1), Relaxed);
+    }
+
+    fn give_up(&mut self, task: Task) {
+        defmt::error!("watchdog: {=str} is overdue", task.name());
+        Exit::Watchdog.now()
+    }
+}

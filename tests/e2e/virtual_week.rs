@@ -1,0 +1,204 @@
+//! The controller's tasks through simulated time on the host: nothing leaks, nothing is missed, however long it runs.
+//!
+//! The clock is the test's own. A minute of drive is made once by the parts of the closed loop, and repeated; the stamps of
+//! its edges go on. An hour runs with every test run; the week, 604.8 million milliseconds and 60 million estimates, is
+//! marked to be ignored: `cargo test --release -p kou-tests --test virtual_week -- --ignored --nocapture`.
+
+use std::cell::{Cell, RefCell};
+use std::future::Future;
+use std::path::Path;
+use std::pin::Pin;
+use std::task::{Context, Waker};
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_time::{Duration, Instant, MockDriver};
+use host_sim::input::TomlFile;
+use host_sim::machine::Machine;
+use host_sim::pil::plant::{Parts, Scenario, Vehicle};
+use kou_app::controller::{
+    Controller, FrontEnd, NoEstimate, Publish, Store, Task, Watchdog, run_estimate, run_publish, run_sample,
+    run_store, run_supervise,
+};
+use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
+use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::wiring;
+use kou_estimator::units::Micros;
+use kou_estimator::{Estimate, Sample};
+use kou_tests::{reference_calibration, reference_params};
+
+/// One minute, with idling, partial and reversed displacement, and a failing sensor.
+const MINUTE: &str = "schema = 1\nname = 'minute'\nseed = 3\nvehicle = 'surrogate'\nduration_s = 60.0\n\
+    [[failure]]\nsensor = 'oil'\nkind = 'open'\nfrom_s = 40.0\nuntil_s = 42.0\n";
+const POINTS: [[f64; 4]; 9] = [
+    [0.0, 1500.0, 0.0, 900.0],
+    [2.0, 1500.0, 0.0, 900.0],
+    [3.0, 1500.0, 1.0, 900.0],
+    [20.0, 2200.0, 1.0, 1300.0],
+    [21.0, 2200.0, 0.5, 1300.0],
+    [30.0, 1800.0, 0.5, 800.0],
+    [32.0, 1800.0, -0.7, 800.0],
+    [57.0, 1500.0, -0.7, 900.0],
+    [59.0, 1500.0, 0.0, 900.0],
+];
+
+/// Counts of the stamping timer in a minute.
+const COUNTS: u32 = 600_000_000;
+
+fn minute() -> Vec<Inputs> {
+    let points = POINTS.map(|[time_s, n, alpha, load]| {
+        format!("[[at]]\ntime_s = {time_s}\nn_p_rpm = {n}\nalpha = {alpha}\nload_nm = {load}\nt_b_c = 60.0\n")
+    });
+    let text = format!("{MINUTE}{}", points.concat());
+    let scenario =
+        Scenario::from_toml(&TomlFile::from_text(Path::new("minute.toml"), text).expect("it is TOML"))
+            .expect("it is a scenario");
+    let machine =
+        Machine::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-sim/machines/reference.toml"))
+            .expect("the reference machine is shipped");
+    let mut vehicle = Vehicle::new(&machine, &reference_calibration(), &scenario).expect("it has a motor");
+    let mut parts = Parts::new(&scenario);
+    (1..=60_000_u32)
+        .map(|ms| {
+            let time_s = f64::from(ms) * 1e-3;
+            let truth = vehicle.millisecond(&scenario.command(time_s)).expect("the surrogate never gives up");
+            let signals = parts.millisecond(time_s, &truth);
+            let mut inputs = Inputs::new();
+            for (number, conversion) in (0..).zip(&mut inputs.analog) {
+                let [_, high, low] = signals.answer(request(Input::new(number).expect("below eight")));
+                *conversion = Counts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(NoCounts::NoAnswer);
+            }
+            inputs.count = signals.count;
+            for (edges, stamps) in [(&mut inputs.pump, &signals.pump), (&mut inputs.motor, &signals.motor)] {
+                for &stamp in stamps {
+                    edges.push(stamp);
+                }
+            }
+            inputs
+        })
+        .collect()
+}
+
+struct Replay<'a> {
+    minute: &'a [Inputs],
+    at: usize,
+    offset: u32,
+}
+
+impl FrontEnd for Replay<'_> {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+        let now = &self.minute[self.at];
+        into.analog = now.analog;
+        into.count = now.count.wrapping_add(self.offset);
+        for (to, from) in [(&mut into.pump, &now.pump), (&mut into.motor, &now.motor)] {
+            to.clear();
+            for &stamp in from.stamps() {
+                to.push(stamp.wrapping_add(self.offset));
+            }
+        }
+        self.at += 1;
+        if self.at == self.minute.len() {
+            self.at = 0;
+            self.offset = self.offset.wrapping_add(COUNTS);
+        }
+    }
+}
+
+#[derive(Default)]
+struct Seen {
+    valid: Cell<u64>,
+    invalid: Cell<u64>,
+    none: Cell<u64>,
+    kept: Cell<u64>,
+    fed: Cell<u64>,
+    given_up: RefCell<Vec<Task>>,
+}
+
+fn raise(count: &Cell<u64>) {
+    count.set(count.get() + 1);
+}
+
+impl Publish for &Seen {
+    async fn publish(&mut self, _: Micros, estimate: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {
+        match estimate {
+            Ok(estimate) if estimate.seen.is_ok() => raise(&self.valid),
+            Ok(_) => raise(&self.invalid),
+            Err(_) => raise(&self.none),
+        }
+    }
+}
+
+impl Store for &Seen {
+    async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {
+        raise(&self.kept);
+    }
+}
+
+impl Watchdog for &Seen {
+    fn feed(&mut self) {
+        raise(&self.fed);
+    }
+
+    fn give_up(&mut self, task: Task) {
+        self.given_up.borrow_mut().push(task);
+    }
+}
+
+fn drive(minutes: u64) {
+    let minute = minute();
+    let clock = MockDriver::get();
+    clock.reset();
+    let controller = Controller::<NoopRawMutex>::new();
+    assert!(controller.candidate.try_send(reference_params()).is_ok());
+    let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
+    let seen = Seen::default();
+    let start = Instant::now();
+    let (c, params, s, minute) = (&controller, &params, &seen, minute.as_slice());
+    let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 5] = [
+        Box::pin(async move {
+            run_sample(c, start, params, &mut Replay { minute, at: 0, offset: 0 }).await;
+        }),
+        Box::pin(async move { run_estimate(c, start).await }),
+        Box::pin(async move { run_publish(c, start, &mut &*s).await }),
+        Box::pin(async move { run_store(c, start, &mut &*s).await }),
+        Box::pin(async move { run_supervise(c, start, &mut &*s).await }),
+    ];
+    let mut context = Context::from_waker(Waker::noop());
+    let mut poll = || {
+        for task in &mut tasks {
+            assert!(task.as_mut().poll(&mut context).is_pending(), "a task has ended");
+        }
+    };
+    poll();
+    let milliseconds = minutes * 60_000;
+    for _ in 0..milliseconds {
+        clock.advance(Duration::from_millis(1));
+        poll();
+    }
+    let vitals = controller.vitals.read();
+    let turns = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
+    // Turns wrap at 2^32, which a week at 1 kHz does not reach.
+    assert_eq!(vitals.map(|vital| vital.turns), turns);
+    for vital in vitals {
+        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0), "{vital:?}");
+    }
+    let (valid, invalid, none) = (seen.valid.get(), seen.invalid.get(), seen.none.get());
+    println!("{milliseconds} ms: {valid} estimates valid, {invalid} with a reason, {none} none");
+    assert_eq!(valid + invalid + none, milliseconds / 10);
+    assert_eq!((seen.kept.get(), seen.fed.get()), (milliseconds / 1000, milliseconds / 50));
+    assert!(seen.given_up.borrow().is_empty());
+    // Each minute is like the first: some 48 s of it are driven with every sensor whole, the rest has its reason.
+    assert!(valid > milliseconds / 10 * 7 / 10 && invalid > milliseconds / 10 / 20, "{valid} {invalid}");
+    assert!(none <= 2, "{none}");
+    assert_eq!((Instant::now() - start).as_millis(), milliseconds);
+}
+
+#[test]
+fn an_hour_of_drive_in_virtual_time_misses_nothing() {
+    drive(60);
+}
+
+#[test]
+#[ignore = "a week of drive in virtual time takes minutes; see the head of this file"]
+fn a_week_of_drive_in_virtual_time_misses_nothing() {
+    drive(7 * 24 * 60);
+}
