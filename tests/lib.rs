@@ -7,6 +7,7 @@ pub mod samples;
 use kou_estimator::calibration::{
     Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges, record,
 };
+use kou_estimator::health::HealthConfig;
 use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedConfig;
@@ -75,12 +76,12 @@ pub fn reference_calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.0015),
-            error_root: LawErrorRoot { c: [1e-3; 10], b2: [5e-4; 8], ..LawErrorRoot::NONE },
+            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
         },
         region: RegionConfig::around(corners, 0.01),
         sensor_errors: SensorErrors {
             ratio_relative: 0.0005,
-            high_pressure: Megapascal(0.1),
+            high_pressure_relative: 0.004,
             oil_temperature: Celsius(1.0),
             displacement: Ratio(0.001),
         },
@@ -98,6 +99,12 @@ pub fn reference_calibration() -> Calibration {
             min_displacement: Ratio(0.2),
             min_pressure_difference: Megapascal(3.0),
             max_kou: LeakageCoefficient(1.0),
+        },
+        health: HealthConfig {
+            rated_speed: RevPerMin(2000.0),
+            rated_pressure: Megapascal(30.0),
+            rated_temperature: Celsius(55.0),
+            ..HealthConfig::USUAL
         },
         provenance: Provenance {
             tool: text("end-to-end test"),

@@ -360,7 +360,7 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
         ("bulk_modulus_mpa = 1314.0", "bulk_modulus_mpa = nan", &["bulk_modulus_mpa", "not a finite number"]),
         ("leaking_chambers = 9.0", "leaking_chambers = 19.0", &["leaking_chambers", "more chambers leak"]),
         ("air_fraction", "air_faction", &["air_faction"]),
-        ("schema = 2", "schema = 7", &["schema", "7", "allowed: 2"]),
+        ("schema = 3", "schema = 7", &["schema", "7", "allowed: 3"]),
         ("pump_pistons = 9", "pump_pistons = \"nine\"", &["nine", "u8"]),
     ];
     for (from, to, parts) in edits {

@@ -120,12 +120,15 @@ fn controller_states_the_same_standard_error_as_the_report() {
                 Celsius(p.point.t_b_c as f32),
             );
             let stated = f64::from(params.law().standard_error(x).get());
-            // Ten f32 products each; the coefficients' errors cancel to some 1 % of their size.
-            assert!((stated / p.kou_law_se - 1.0).abs() < 1e-3, "{stated} {}", p.kou_law_se);
+            println!("{stated:.6} {:.6}", p.kou_law_se);
+            // Ten f32 products each: 1e-3. Four of ten directions are evaluated and the others bounded by their largest
+            // error within the region: never less than the whole, and at most a fifth more.
+            let ratio = stated / p.kou_law_se;
+            assert!((0.999..1.2).contains(&ratio), "{stated} {}", p.kou_law_se);
         }
     }
     let mut wrong = result.calibration.clone();
-    wrong.law.error_root.a12[1] = f32::NAN;
+    wrong.law.error_root.fourth[1] = f32::NAN;
     assert_eq!(Params::new(&wrong).unwrap_err().field, "law.error_root");
 }
 

@@ -120,3 +120,83 @@ fn replay_zema_leakage_labels_are_separated_over_both_oil_temperatures() {
     // Held-out healthy cycles look healthy: the law's residual is 3 % of Kou, and 160 cycles average it out.
     assert!((mean(none) - 1.0).abs() < 0.01);
 }
+
+/// What the rig's log, one sample per second with five plateaus a minute, asks of health: blocks that span the pauses
+/// between plateaus, and a misfit that is another one with every plateau.
+const HEALTH: [(&str, &str); 4] = [
+    ("block_us = 500000", "block_us = 5000000"),
+    ("law_misfit = 0.02", "law_misfit = 0.03"),
+    ("misfit_blocks = 15.0", "misfit_blocks = 2.0"),
+    ("ratio_noise = 0.0007", "ratio_noise = 0.003"),
+];
+
+#[test]
+fn replay_zema_every_change_of_the_leakage_label_is_reported_within_five_cycles_and_nothing_else() {
+    let Some(log) = log() else { return };
+    let log = log.to_str().unwrap();
+    let folder = Folder::new();
+    let (cal, est) = (folder.path("zema.toml"), folder.path("zema.csv"));
+    let (cal, est) = (cal.to_str().unwrap(), est.to_str().unwrap());
+    let machine = "tests/data/zema_machine.toml";
+    let healthy = "tests/data/zema_map_healthy_even.toml";
+    json([
+        "identify",
+        "--bench",
+        log,
+        "--machine",
+        machine,
+        "--scheme",
+        "paper",
+        "--map",
+        healthy,
+        "--out",
+        cal,
+        "--json",
+    ]);
+    let mut text = std::fs::read_to_string(cal).unwrap();
+    for (usual, of_rig) in HEALTH {
+        assert!(text.contains(usual), "{usual}");
+        text = text.replace(usual, of_rig);
+    }
+    std::fs::write(cal, text).unwrap();
+    let map = "tests/data/zema_map.toml";
+    json(["replay", "--log", log, "--calibration", cal, "--map", map, "--out", est, "--json"]);
+
+    // Cycles in the order of time: label, changes reported so far.
+    let text = std::fs::read_to_string(est).unwrap();
+    let mut lines = text.lines();
+    let heading: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let at = |name: &str| heading.iter().position(|h| *h == name).unwrap();
+    let (changes, cycle, label) = (at("changes"), at("cycle"), at("pump_leak_label"));
+    let mut cycles: Vec<(u32, String, u32)> = Vec::new();
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = cells[cycle].parse().unwrap();
+        if cycles.last().is_none_or(|last| last.0 != number) {
+            cycles.push((number, cells[label].to_string(), 0));
+        }
+        cycles.last_mut().unwrap().2 = cells[changes].parse().unwrap();
+    }
+    let (mut delays, mut false_reports, mut waiting) = (Vec::new(), 0, None);
+    for (i, pair) in cycles.windows(2).enumerate() {
+        let [before, now] = pair else { unreachable!() };
+        if now.1 != before.1 {
+            assert_eq!(waiting, None, "the change before cycle {} was not reported", now.0);
+            waiting = Some(i);
+        }
+        for _ in before.2..now.2 {
+            match waiting.take() {
+                Some(since) => delays.push(i - since + 1),
+                None => false_reports += 1,
+            }
+        }
+    }
+    println!(
+        "{} changes of label, reported in cycle {delays:?} after it; {false_reports} other reports",
+        delays.len()
+    );
+    assert_eq!(waiting, None, "the last change was not reported");
+    assert_eq!(delays.len(), 23, "twelve runs of labels at each of two oil temperatures");
+    assert!(delays.iter().all(|d| *d <= 5));
+    assert_eq!(false_reports, 0);
+}

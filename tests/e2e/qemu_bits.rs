@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use host_sim::pil::{self, same_bits};
+use kou_estimator::units::Megapascal;
 use kou_estimator::{Estimate, Fault, Params, Reason, State, step};
 use kou_tests::samples::Samples;
 use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
@@ -79,6 +80,8 @@ fn qemu_law_that_turns_negative_is_refused_with_the_hosts_bits() {
     // Negative where slow and cold, and large enough to stop the motor where hot and loaded.
     calibration.law.c = -0.08;
     calibration.law.a22 = 30.0;
+    // Health needs a rated point at which the law holds.
+    calibration.health.rated_pressure = Megapascal(6.0);
     let params = Params::new(&calibration).expect("a law may be negative somewhere");
     let mut state = State::new();
     let (mut negative, mut stops, mut mismatches) = (0, 0, 0);

@@ -30,6 +30,7 @@ fn qemu_storage_survives_power_cuts_and_frames_and_tag_are_the_hosts() {
             leakage: LitrePerMin(12.5),
         }),
         seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
+        health: kou_estimator::health::Health::new(),
     };
     let parts =
         [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)];

@@ -7,9 +7,9 @@ use kou_app::storage::{
     BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError,
     StoredCalibration,
 };
-use kou_estimator::health::{HealthConfig, HealthParams, HealthState, observe};
+use kou_estimator::health::HealthState;
 use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
-use kou_estimator::{Reading, Sample};
+use kou_estimator::{Reading, Sample, State, step};
 use kou_tests::samples::Random;
 use kou_tests::{record_of, reference_calibration, reference_params};
 
@@ -28,9 +28,8 @@ struct Records {
 
 /// State after some plateaus of driving that depend on the version.
 fn learned(version: u32) -> HealthState {
-    let (calibration, params) = (reference_calibration(), reference_params());
-    let health = HealthParams::new(&HealthConfig::for_law(&calibration.law), &params).unwrap();
-    let mut state = HealthState::new();
+    let params = reference_params();
+    let mut state = State::new();
     for i in 0..4_000_u32 {
         let time = Micros(u64::from(version) * 1_000_000_000 + u64::from(i) * 10_000);
         let plateau = f32::from(u16::try_from(i / 1000 + version % 7).unwrap());
@@ -40,10 +39,10 @@ fn learned(version: u32) -> HealthState {
         sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
         sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
         sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
-        let judged = observe(&params, &health, &mut state, &sample);
+        let judged = step(&params, &mut state, &sample).health;
         assert!(judged.level.get() > 0.0);
     }
-    state
+    state.health().clone()
 }
 
 fn version(number: u32) -> Records {

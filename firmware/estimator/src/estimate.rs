@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::health::Health;
 use crate::reading::{Channel, Fault};
 use crate::region::Direction;
 use crate::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
@@ -86,7 +87,7 @@ pub struct Seen {
     pub leakage: LitrePerMin,
 }
 
-/// One estimate: what is expected and what is seen, each valid or with its reason.
+/// One estimate: what is expected and what is seen, each valid or with its reason, and what has been learned.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimate {
@@ -96,13 +97,15 @@ pub struct Estimate {
     pub expected: Result<Expected, Reason>,
     /// By the measured ratio.
     pub seen: Result<Seen, Reason>,
+    /// What has been learned so far, whatever this sample was like.
+    pub health: Health,
 }
 
 impl Estimate {
-    /// An estimate of which no part is valid, for one reason.
+    /// An estimate of which no part is valid, for one reason, before anything was learned.
     #[must_use]
     pub const fn invalid(time: Micros, reason: Reason) -> Self {
-        Self { time, expected: Err(reason), seen: Err(reason) }
+        Self { time, expected: Err(reason), seen: Err(reason), health: Health::new() }
     }
 
     /// Coefficient seen over coefficient expected: 1 for a machine as it was when calibrated, rising with wear.

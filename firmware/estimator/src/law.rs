@@ -53,49 +53,41 @@ pub struct LawConfig {
     pub error_root: LawErrorRoot,
 }
 
-/// Upper triangular root `R` of the coefficients' covariance, `R^T R`, in (L/min)/MPa, rows from the diagonal on.
+/// The coefficients' covariance, by the few directions that matter over the envelope: `R^T R` and a rest.
 ///
-/// Order of the terms: 1, x, y, z, x^2, y^2, z^2, xy, xz, yz. With `phi` these ten at an operating point, `|R phi|` is the
-/// standard error that the coefficients' uncertainty leaves to the law there: what displacement ratio, bulk modulus and
-/// sensor errors of the bench may have done to it.
+/// `R` has four rows, upper trapezoidal, from the diagonal on, in (L/min)/MPa. Order of the terms: 1, x, y, z, x^2, y^2, z^2,
+/// xy, xz, yz. With `phi` these ten at an operating point, `|R phi|^2 + rest^2` is the variance that the coefficients'
+/// uncertainty leaves to the law there: what displacement ratio, bulk modulus and sensor errors of the bench may have done
+/// to it. Ten rows would be exact and cost a third of a step; `docs/law.md` says how the four are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs, reason = "each is the row of the term that it is named after")]
 pub struct LawErrorRoot {
-    pub c: [f32; 10],
-    pub b1: [f32; 9],
-    pub b2: [f32; 8],
-    pub b3: [f32; 7],
-    pub a11: [f32; 6],
-    pub a22: [f32; 5],
-    pub a33: [f32; 4],
-    pub a12: [f32; 3],
-    pub a13: [f32; 2],
-    pub a23: [f32; 1],
+    /// First row: all ten terms.
+    pub first: [f32; 10],
+    /// Second row: from x on.
+    pub second: [f32; 9],
+    /// Third row: from y on.
+    pub third: [f32; 8],
+    /// Fourth row: from z on.
+    pub fourth: [f32; 7],
+    /// Largest standard error within the region that the four rows leave out.
+    pub rest: LeakageCoefficient,
 }
 
 impl LawErrorRoot {
     /// Coefficients that are known exactly.
     pub const NONE: Self = Self {
-        c: [0.0; 10],
-        b1: [0.0; 9],
-        b2: [0.0; 8],
-        b3: [0.0; 7],
-        a11: [0.0; 6],
-        a22: [0.0; 5],
-        a33: [0.0; 4],
-        a12: [0.0; 3],
-        a13: [0.0; 2],
-        a23: [0.0; 1],
+        first: [0.0; 10],
+        second: [0.0; 9],
+        third: [0.0; 8],
+        fourth: [0.0; 7],
+        rest: LeakageCoefficient(0.0),
     };
 
     /// The rows, the longest first.
     #[must_use]
-    pub const fn rows(&self) -> [&[f32]; 10] {
-        [
-            &self.c, &self.b1, &self.b2, &self.b3, &self.a11, &self.a22, &self.a33, &self.a12, &self.a13,
-            &self.a23,
-        ]
+    pub const fn rows(&self) -> [&[f32]; 4] {
+        [&self.first, &self.second, &self.third, &self.fourth]
     }
 
     /// `|R phi|^2`.
@@ -106,16 +98,10 @@ impl LawErrorRoot {
             let sum = row.iter().rev().zip(phi.iter().rev()).fold(0.0, |sum, (r, f)| sum + r * f);
             sum * sum
         }
-        squared(&self.c, phi)
-            + squared(&self.b1, phi)
-            + squared(&self.b2, phi)
-            + squared(&self.b3, phi)
-            + squared(&self.a11, phi)
-            + squared(&self.a22, phi)
-            + squared(&self.a33, phi)
-            + squared(&self.a12, phi)
-            + squared(&self.a13, phi)
-            + squared(&self.a23, phi)
+        squared(&self.first, phi)
+            + squared(&self.second, phi)
+            + squared(&self.third, phi)
+            + squared(&self.fourth, phi)
     }
 }
 
@@ -123,6 +109,8 @@ impl LawErrorRoot {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     config: LawConfig,
+    /// Variance that is the same everywhere: misfit and the rest of the coefficients' errors.
+    common_variance: f32,
     per_n_max: f32,
     per_p_max: f32,
     per_t_max: f32,
@@ -131,8 +119,10 @@ pub struct Law {
 impl Law {
     /// Prepares a law whose configuration has been checked.
     pub(crate) fn from_checked(config: LawConfig) -> Self {
+        let (misfit, rest) = (config.residual_se.get(), config.error_root.rest.get());
         Self {
             config,
+            common_variance: misfit * misfit + rest * rest,
             per_n_max: 1.0 / config.n_max.get(),
             per_p_max: 1.0 / config.p_max.get(),
             per_t_max: 1.0 / config.t_max.get(),
@@ -177,7 +167,6 @@ impl Law {
     #[must_use]
     pub fn standard_error(&self, [x, y, z]: [f32; 3]) -> LeakageCoefficient {
         let phi = [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
-        let misfit = self.config.residual_se.get();
-        LeakageCoefficient(square_root(misfit * misfit + self.config.error_root.variance(&phi)))
+        LeakageCoefficient(square_root(self.common_variance + self.config.error_root.variance(&phi)))
     }
 }

@@ -16,7 +16,8 @@
 //! | [`oil`] | compression of the oil (Wylie) |
 //! | [`reduced`] | flow balance: forward model and inverse |
 //! | [`law`], [`region`] | the quadratic law and where it holds |
-//! | [`health`] | level of leakage learned while driving, its changes and their causes; not yet part of [`step()`] |
+//! | [`health`] | level of leakage learned while driving, its changes and their causes |
+//! | [`state_record`] | what has been learned, as bytes for flash |
 //! | [`estimate`] | results and the reasons for their absence |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -36,6 +37,8 @@ pub mod reading;
 pub mod reduced;
 pub mod region;
 mod root;
+mod sealed;
+pub mod state_record;
 mod step;
 mod uncertainty;
 pub mod units;

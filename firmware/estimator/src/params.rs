@@ -2,6 +2,7 @@
 
 use crate::calibration::check::{self, CalibrationError};
 use crate::calibration::{Calibration, Limits, Output, SensorErrors, SensorRanges};
+use crate::health::{HealthParams, MachineParts};
 use crate::law::Law;
 use crate::oil::{Compression, OilConfig};
 use crate::reduced::{ReducedConfig, ReducedModel};
@@ -19,6 +20,7 @@ pub struct Params {
     pub(crate) limits: Limits,
     pub(crate) output: Output,
     pub(crate) low_pressure: Megapascal,
+    pub(crate) health: HealthParams,
 }
 
 impl Params {
@@ -28,18 +30,24 @@ impl Params {
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
         check::all(calibration)?;
+        let reduced =
+            ReducedModel::from_checked(calibration.reduced, Compression::from_checked(&calibration.oil));
+        let law = Law::from_checked(calibration.law);
+        let low_pressure = calibration.machine.low_pressure;
+        let (errors, limits) = (calibration.sensor_errors, calibration.limits);
+        let machine =
+            MachineParts { reduced: &reduced, law: &law, errors: &errors, limits: &limits, low_pressure };
+        let health = HealthParams::new(&calibration.health, &machine)?;
         Ok(Self {
-            reduced: ReducedModel::from_checked(
-                calibration.reduced,
-                Compression::from_checked(&calibration.oil),
-            ),
-            law: Law::from_checked(calibration.law),
+            reduced,
+            law,
             region: calibration.region,
-            errors: calibration.sensor_errors,
+            errors,
             ranges: calibration.sensor_ranges,
-            limits: calibration.limits,
+            limits,
             output: calibration.machine.output,
-            low_pressure: calibration.machine.low_pressure,
+            low_pressure,
+            health,
         })
     }
 
@@ -59,6 +67,12 @@ impl Params {
     #[must_use]
     pub fn low_pressure(&self) -> Megapascal {
         self.low_pressure
+    }
+
+    /// How health is learned and judged.
+    #[must_use]
+    pub fn health(&self) -> &HealthParams {
+        &self.health
     }
 
     /// The leakage law.

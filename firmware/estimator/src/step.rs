@@ -1,7 +1,10 @@
 //! One step: a sample in, an estimate out. The only place where readings are judged and the parts are put together.
 
+use serde::{Deserialize, Serialize};
+
 use crate::calibration::Output;
 use crate::estimate::{Estimate, Expected, Reason, Seen};
+use crate::health::{HealthState, Terms};
 use crate::params::Params;
 use crate::reading::{Channel, Fault, Reading, Sample};
 use crate::reduced::{Balance, OperatingPoint};
@@ -9,19 +12,26 @@ use crate::uncertainty::kou_standard_error;
 use crate::units::{LeakageCoefficient, Micros, Ratio};
 
 /// What the estimator remembers between two steps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct State {
     last_time: Option<Micros>,
     samples: u32,
     valid: u32,
+    health: HealthState,
 }
 
 impl State {
     /// State before the first sample.
     #[must_use]
     pub const fn new() -> Self {
-        Self { last_time: None, samples: 0, valid: 0 }
+        Self { last_time: None, samples: 0, valid: 0, health: HealthState::new() }
+    }
+
+    /// State before the first sample of a machine of which this much has been learned before.
+    #[must_use]
+    pub const fn with_health(health: HealthState) -> Self {
+        Self { last_time: None, samples: 0, valid: 0, health }
     }
 
     /// Number of samples seen; stays at its maximum instead of wrapping.
@@ -35,6 +45,12 @@ impl State {
     pub const fn valid(&self) -> u32 {
         self.valid
     }
+
+    /// What has been learned of the machine's health.
+    #[must_use]
+    pub const fn health(&self) -> &HealthState {
+        &self.health
+    }
 }
 
 /// Makes the estimate for one sample.
@@ -47,28 +63,77 @@ pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
     let reversed = state.last_time.is_some_and(|last| sample.time < last);
     // The new time is taken over in any case: after a clock was set back, only one sample is lost.
     state.last_time = Some(sample.time);
-    if reversed {
-        return Estimate::invalid(sample.time, Reason::TimeReversed);
-    }
-    let estimate = match operating_point(params, sample) {
-        Ok(at) => {
-            let balance = params.reduced.balance(&at);
-            Estimate {
-                time: sample.time,
-                expected: expect(params, &at, &balance),
-                seen: see(params, &at, &balance, sample),
-            }
-        }
-        Err(reason) => Estimate::invalid(sample.time, reason),
+    let (expected, seen) = if reversed {
+        refused(params, state, sample, Reason::TimeReversed)
+    } else {
+        judge(params, state, sample)
     };
-    if estimate.expected.is_ok() && estimate.seen.is_ok() {
+    if expected.is_ok() && seen.is_ok() {
         state.valid = state.valid.saturating_add(1);
     }
-    estimate
+    Estimate { time: sample.time, expected, seen, health: state.health.told() }
+}
+
+/// Both parts of an estimate.
+type Parts = (Result<Expected, Reason>, Result<Seen, Reason>);
+
+#[inline(always)]
+fn refused(params: &Params, state: &mut State, sample: &Sample, reason: Reason) -> Parts {
+    state.health.skip(params, sample.time, reason);
+    (Err(reason), Err(reason))
+}
+
+#[inline(always)]
+fn judge(params: &Params, state: &mut State, sample: &Sample) -> Parts {
+    let at = match operating_point(params, sample) {
+        Ok(at) => at,
+        Err(reason) => return refused(params, state, sample, reason),
+    };
+    let balance = params.reduced.balance(&at);
+    let expected = expect(params, &at, &balance);
+    let ratio = measured_ratio(params, &at, sample);
+    let seen = match ratio {
+        Ok(ratio) => see(params, &at, &balance, ratio),
+        Err(reason) => Err(reason),
+    };
+    // Also with ratios above the leak-free one: to leave such samples out would bias the learned mean.
+    match (&expected, ratio) {
+        (Ok(expected), Ok(ratio)) => {
+            learn(params, &mut state.health, sample.time, &at, &balance, expected, ratio);
+        }
+        (Err(reason), _) => state.health.skip(params, sample.time, *reason),
+        (_, Err(reason)) => state.health.skip(params, sample.time, reason),
+    }
+    (expected, seen)
+}
+
+/// Hands a valid sample on to health.
+#[inline(always)]
+fn learn(
+    params: &Params,
+    state: &mut HealthState,
+    time: Micros,
+    at: &OperatingPoint,
+    balance: &Balance,
+    expected: &Expected,
+    ratio: Ratio,
+) {
+    let terms = Terms {
+        deficit: expected.ratio.get().abs() - ratio.get().abs(),
+        ratio_per_kou: 1.0 / balance.kou_per_ratio(),
+        kou_law: expected.kou.get(),
+        ratio: ratio.get().abs(),
+        n_p_rpm: at.pump_speed.get(),
+        p_h_mpa: at.high_pressure.get(),
+        t_b_c: at.oil_temperature.get(),
+        alpha: at.displacement.get().abs(),
+        chi: balance.lost_fraction().get(),
+    };
+    state.takes(params, time, &terms);
 }
 
 /// The operating point, if every reading that it needs is good and the drive works there.
-pub(crate) fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, Reason> {
+fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, Reason> {
     let ranges = &params.ranges;
     let limits = &params.limits;
     let judge = Judge { now: sample.time, max_age_us: limits.max_age_us };
@@ -101,7 +166,7 @@ pub(crate) fn operating_point(params: &Params, sample: &Sample) -> Result<Operat
 }
 
 /// What law and reduced model expect.
-pub(crate) fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
+fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
     let point = params.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
     if let Some(direction) = params.region.outside(point) {
         return Err(Reason::OutsideRegion(direction));
@@ -124,7 +189,7 @@ pub(crate) fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) ->
 }
 
 /// The measured ratio, with the sign of the displacement.
-pub(crate) fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Result<Ratio, Reason> {
+fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Result<Ratio, Reason> {
     let judge = Judge { now: sample.time, max_age_us: params.limits.max_age_us };
     let ratio = match params.output {
         Output::Motor => {
@@ -142,8 +207,7 @@ pub(crate) fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Samp
 }
 
 /// What the measured ratio says.
-fn see(params: &Params, at: &OperatingPoint, balance: &Balance, sample: &Sample) -> Result<Seen, Reason> {
-    let ratio = measured_ratio(params, at, sample)?;
+fn see(params: &Params, at: &OperatingPoint, balance: &Balance, ratio: Ratio) -> Result<Seen, Reason> {
     let kou = balance.kou(ratio);
     if kou.get() < 0.0 {
         return Err(Reason::RatioAboveLeakFree);

@@ -2,6 +2,7 @@
 
 use kou_estimator::Calibration;
 use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::health::HealthConfig;
 use kou_estimator::law::LawConfig;
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedConfig;
@@ -115,6 +116,7 @@ pub fn assemble(
             .with_value(value)
             .with_allowed(format!("at most {longest} bytes"))
     };
+    let health = HealthConfig::for_law(&law);
     let low_pressure = Megapascal(single(machine.circuit().low_pressure_mpa));
     let (n_max, p_max) = (law.n_max.get(), law.p_max.get());
     let [speed, flow, pressure, temperature_k] = settings.class.permissible();
@@ -146,7 +148,7 @@ pub fn assemble(
         region,
         sensor_errors: SensorErrors {
             ratio_relative: single(standard(speed).hypot(standard(other))),
-            high_pressure: Megapascal(single(standard(pressure) * f64::from(p_max))),
+            high_pressure_relative: single(standard(pressure)),
             oil_temperature: Celsius(single(standard(temperature_k))),
             displacement: Ratio(0.0),
         },
@@ -169,6 +171,7 @@ pub fn assemble(
                     .clamp(1e-3, 100.0),
             ),
         },
+        health,
         provenance: Provenance {
             tool: concat!("host-sim ", env!("CARGO_PKG_VERSION")).try_into().unwrap_or_default(),
             date: settings.date.as_str().try_into().map_err(|_| text("the date", &settings.date, 16))?,

@@ -84,6 +84,7 @@ struct WithSchema {
     sensor_errors: kou_estimator::calibration::SensorErrors,
     sensor_ranges: kou_estimator::calibration::SensorRanges,
     limits: kou_estimator::calibration::Limits,
+    health: kou_estimator::health::HealthConfig,
     provenance: kou_estimator::calibration::Provenance,
 }
 
@@ -98,6 +99,7 @@ impl WithSchema {
             sensor_errors: self.sensor_errors,
             sensor_ranges: self.sensor_ranges,
             limits: self.limits,
+            health: self.health,
             provenance: self.provenance,
         }
     }

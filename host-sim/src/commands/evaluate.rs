@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use kou_estimator::health::{HealthConfig, HealthParams};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -102,11 +101,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
     }
     let law = &calibration.law;
-    let health = HealthParams::new(&HealthConfig::for_law(law), &params)
-        .map_err(|e| InputError::new(e.to_string()).at_file(&args.calibration))?;
     let setting = Setting {
         params,
-        health,
         limits: [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()],
         class: args.class,
         misfit: args.misfit,

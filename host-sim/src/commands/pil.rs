@@ -18,7 +18,7 @@ use crate::machine::Machine;
 use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
 use crate::record::{LogReader, LogRow};
-use crate::replay::{EstimateWriter, Figures, Summary, Trace, draw};
+use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
 
 /// Streams a log through the firmware in QEMU and compares its estimates with the host's; or drives the controller's firmware
 /// through a scenario, with a simulated vehicle around it.
@@ -57,6 +57,7 @@ pub struct Args {
 struct Report {
     #[serde(flatten)]
     figures: Figures,
+    health: HealthFigures,
     rows_passed_over: u64,
     samples_per_s: f64,
     mismatches: u64,
@@ -129,6 +130,7 @@ fn stream(
         }
     });
     let (mut summary, mut trace, mut state) = (Summary::default(), Trace::default(), State::new());
+    let mut health = HealthSummary::default();
     let (mut mismatches, mut unwritten) = (0_u64, None);
     let bar = progress("through the firmware");
     let on_estimate = |_: u64, sample: &Sample, of_firmware: &Estimate| {
@@ -136,6 +138,7 @@ fn stream(
         mismatches += u64::from(!same_bits(&of_host, of_firmware));
         // What is reported is the firmware's word, not the host's.
         summary.add(of_firmware);
+        health.add(of_firmware);
         if let Some(row) = under_way.borrow_mut().rows.pop_front() {
             trace.add(row.time_s, of_firmware);
             if let Some(writer) = &mut writer
@@ -159,6 +162,7 @@ fn stream(
     }
     Ok(Report {
         figures: summary.figures(),
+        health: health.figures(params, &state),
         rows_passed_over: log.passed_over(),
         samples_per_s,
         mismatches,
@@ -258,8 +262,9 @@ impl From<LoopError> for Failure {
 
 fn text(report: &Report) -> String {
     format!(
-        "{}\nfirmware in QEMU: {:.0} samples per second, {} estimates differ from the host's, stack {} bytes at most",
+        "{}\n{}\nfirmware in QEMU: {:.0} samples per second, {} estimates differ from the host's, stack {} bytes at most",
         figures_text(&report.figures),
+        report.health.text(),
         report.firmware_samples_per_s,
         report.mismatches,
         report.stack_high_water_bytes

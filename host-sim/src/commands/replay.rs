@@ -10,7 +10,7 @@ use super::identify::mapping;
 use super::{Failure, print_json, print_text, progress};
 use crate::calibration;
 use crate::record::LogReader;
-use crate::replay::{EstimateWriter, Figures, Summary, Trace, draw};
+use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
 
 /// Replays a log through the estimator.
 #[derive(Debug, clap::Args)]
@@ -40,6 +40,7 @@ pub struct Args {
 struct Report {
     #[serde(flatten)]
     figures: Figures,
+    health: HealthFigures,
     rows_passed_over: u64,
     samples_per_s: f64,
 }
@@ -59,12 +60,14 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
     let mut writer =
         args.out.as_deref().map(|path| EstimateWriter::create(path, &log.carried_names())).transpose()?;
     let (mut summary, mut trace, mut state) = (Summary::default(), Trace::default(), State::new());
+    let mut health = HealthSummary::default();
     let bar = progress("replay");
     let started = Instant::now();
     for row in &mut log {
         let row = row?;
         let estimate = step(params, &mut state, &row.sample);
         summary.add(&estimate);
+        health.add(&estimate);
         if args.plot.is_some() {
             trace.add(row.time_s, &estimate);
         }
@@ -83,7 +86,8 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
         draw(path, &format!("Replay of {}", args.log.display()), &trace)?;
     }
     let samples_per_s = figures.samples as f64 / elapsed_s;
-    Ok(Report { figures, rows_passed_over: log.passed_over(), samples_per_s })
+    let health = health.figures(params, &state);
+    Ok(Report { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
 }
 
 /// Figures for people.
@@ -102,5 +106,10 @@ pub(super) fn figures_text(figures: &Figures) -> String {
 }
 
 fn text(report: &Report) -> String {
-    format!("{}\n{:.0} samples per second", figures_text(&report.figures), report.samples_per_s)
+    format!(
+        "{}\n{}\n{:.0} samples per second",
+        figures_text(&report.figures),
+        report.health.text(),
+        report.samples_per_s
+    )
 }

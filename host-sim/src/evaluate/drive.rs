@@ -3,8 +3,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Sample period of the simulated drive.
-pub const PERIOD_S: f64 = 0.1;
+/// Sample period of the simulated drive: a block then holds the ten samples that its stages take.
+pub const PERIOD_S: f64 = 0.05;
 
 /// One operating point.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,6 @@
 //! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
 
-use kou_estimator::health::{Cause, Health, HealthParams, HealthState, Stage, observe};
+use kou_estimator::health::{Cause, Health, Stage};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -14,8 +14,6 @@ use crate::calibration::SensorClass;
 pub struct Setting {
     /// Checked calibration of the machine.
     pub params: Params,
-    /// Checked settings of health.
-    pub health: HealthParams,
     /// Normalisers of the law: largest speed, pressure, temperature.
     pub limits: [f64; 3],
     /// Class of the sensors.
@@ -70,7 +68,7 @@ impl Setting {
         if let Some(event) = event {
             world.schedule(event_s, event);
         }
-        let (mut state, mut learned) = (State::new(), HealthState::new());
+        let mut state = State::new();
         let mut run = Run::default();
         let (mut changes, mut judged_s) = (0, 0.0);
         #[allow(
@@ -82,7 +80,7 @@ impl Setting {
         for i in 0..samples {
             let (sample, kou_true) = world.advance();
             let estimate = step(&self.params, &mut state, &sample);
-            let health = observe(&self.params, &self.health, &mut learned, &sample);
+            let health = estimate.health;
             let after = event.is_some() && world.time_s() > event_s;
             judged_s += if after && estimate.seen.is_ok() { PERIOD_S } else { 0.0 };
             if health.changes > changes {
@@ -102,7 +100,7 @@ impl Setting {
                 run.false_wear |= wear;
             }
             // Once a minute, and not in the first hour, in which level and offset are still being told apart.
-            if i % 600 == 0 && (event.is_none() || !after) {
+            if i % 1200 == 0 && (event.is_none() || !after) {
                 run.look(world.time_s(), &estimate, &health, world.level(), kou_true);
             }
             if i + 1 == samples {

@@ -7,6 +7,8 @@
 
 use kou_estimator::Params;
 use kou_estimator::law::LawErrorRoot;
+use kou_estimator::region::{Bound, RegionConfig};
+use kou_estimator::units::LeakageCoefficient;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -223,18 +225,49 @@ fn with_solution(mut fit: LawFit, rows: &[Row], solution: &Solution) -> LawFit {
     let freedom = rows.len().saturating_sub(kept.len()).max(1);
     let misfit = (sum / weights * rows.len() as f64 / freedom as f64).sqrt();
     law.residual_se.0 = single(misfit).min(10.0);
-    law.error_root = error_root(&solution.covariance_root, &kept);
+    law.error_root = error_root(&solution.covariance_root, &kept, rows, &fit.region);
     fit.condition_number = solution.condition_number;
     fit
 }
 
-/// Upper triangular root of the law's part of the covariance `L L^T`: the R of a QR decomposition of its rows, transposed.
-fn error_root(root: &DMatrix<f64>, kept: &[usize]) -> LawErrorRoot {
-    let mut transposed = DMatrix::zeros(root.ncols().max(10), 10);
+/// Rows of the root that the controller evaluates.
+const ERROR_ROWS: usize = 4;
+/// Steps of the grid over the region on which the rows are chosen and the rest is sought.
+const REGION_STEPS: usize = 8;
+
+/// The law's part of the covariance `A A^T`, by the directions that matter most over the region.
+///
+/// With `F` the terms at the points and all over the region, the right singular vectors `v` of `F A` are the independent errors in
+/// the order of what they do to the law there. The first four make `R`, by a QR decomposition of `(A v)^T`; what the others do
+/// together where they do most is the rest.
+fn error_root(root: &DMatrix<f64>, kept: &[usize], rows: &[Row], region: &RegionConfig) -> LawErrorRoot {
+    let mut all = DMatrix::zeros(10, root.ncols());
     for (row, term) in kept.iter().enumerate() {
-        for k in 0..root.ncols() {
-            transposed[(k, *term)] = root[(row, k)];
+        all.row_mut(*term).copy_from(&root.row(row));
+    }
+    // The grid misses the corners of the region, where the points are.
+    let at_rows = rows.iter().map(|row| {
+        let mut all = [0.0; 10];
+        for (term, value) in kept.iter().zip(&row.phi) {
+            all[*term] = *value;
         }
+        all
+    });
+    let terms: Vec<f64> = points_of(region).into_iter().map(phi).chain(at_rows).flatten().collect();
+    let at_points = DMatrix::from_row_slice(terms.len() / 10, 10, &terms) * &all;
+    let eigen = nalgebra::SymmetricEigen::new(at_points.transpose() * &at_points);
+    let (values, vectors) = (eigen.eigenvalues, eigen.eigenvectors);
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
+    let (main, others) = order.split_at(ERROR_ROWS.min(order.len()));
+    let rest2 = at_points
+        .row_iter()
+        .map(|row| others.iter().map(|i| (row * vectors.column(*i))[0].powi(2)).sum::<f64>())
+        .fold(0.0, f64::max);
+    // Ten rows, zeros below those that are wanted: the decomposition wants no fewer rows than columns.
+    let mut transposed = DMatrix::zeros(10, 10);
+    for (k, i) in main.iter().enumerate() {
+        transposed.row_mut(k).copy_from(&(&all * vectors.column(*i)).transpose());
     }
     let r = transposed.qr().r();
     fn row<const N: usize>(r: &DMatrix<f64>) -> [f32; N] {
@@ -242,17 +275,25 @@ fn error_root(root: &DMatrix<f64>, kept: &[usize]) -> LawErrorRoot {
         std::array::from_fn(|j| single(r[(first, first + j)]).clamp(-100.0, 100.0))
     }
     LawErrorRoot {
-        c: row(&r),
-        b1: row(&r),
-        b2: row(&r),
-        b3: row(&r),
-        a11: row(&r),
-        a22: row(&r),
-        a33: row(&r),
-        a12: row(&r),
-        a13: row(&r),
-        a23: row(&r),
+        first: row(&r),
+        second: row(&r),
+        third: row(&r),
+        fourth: row(&r),
+        rest: LeakageCoefficient(single(rest2.sqrt()).min(10.0)),
     }
+}
+
+/// Normalised points of a grid over a region; over the box around it, where the region is too thin for the grid.
+fn points_of(region: &RegionConfig) -> Vec<[f64; 3]> {
+    let along = |bound: Bound| {
+        let (min, max) = (f64::from(bound.min), f64::from(bound.max));
+        (0..=REGION_STEPS).map(move |i| min + (max - min) * i as f64 / REGION_STEPS as f64)
+    };
+    let (inside, outside): (Vec<_>, Vec<_>) = along(region.speed)
+        .flat_map(|x| along(region.pressure).map(move |y| (x, y)))
+        .flat_map(|(x, y)| along(region.temperature).map(move |z| [x, y, z]))
+        .partition(|point| region.outside(point.map(single)).is_none());
+    if inside.is_empty() { outside } else { inside }
 }
 
 fn unknowns(fit: &LawFit, solution: &Solution) -> Vec<Unknown> {

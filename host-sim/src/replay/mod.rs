@@ -1,9 +1,11 @@
 //! Replay: a recorded log through the estimator, sample by sample, exactly as the firmware would see it.
 
+mod health;
 mod output;
 mod plot;
 mod summary;
 
+pub use health::{HealthFigures, HealthSummary};
 pub use output::EstimateWriter;
 pub use plot::{Trace, draw};
 pub use summary::{Figures, Summary, reason_label};

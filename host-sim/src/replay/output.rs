@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use kou_estimator::{Estimate, Expected, Seen};
 
+use super::health::{cause_names, gate_label, stage_name};
 use super::reason_label;
 use crate::input::InputError;
 use crate::record::LogRow;
 
-const COLUMNS: [&str; 14] = [
+const COLUMNS: [&str; 22] = [
     "time_s",
     "line",
     "reason",
@@ -24,6 +25,14 @@ const COLUMNS: [&str; 14] = [
     "efficiency_seen",
     "leakage_seen_l_min",
     "wear_ratio",
+    "gate",
+    "level",
+    "level_se",
+    "ratio_offset",
+    "changes",
+    "causes",
+    "wear",
+    "sensor",
 ];
 
 /// A file of estimates being written.
@@ -73,6 +82,14 @@ impl EstimateWriter {
             Err(_) => [const { String::new() }; 5],
         });
         cells.push(estimate.wear_ratio().map(|w| w.get().to_string()).unwrap_or_default());
+        let health = &estimate.health;
+        cells.push(health.gate.err().map_or_else(|| "open".to_string(), gate_label));
+        cells.extend(
+            [health.level, health.level_se, health.ratio_offset].map(|number| number.get().to_string()),
+        );
+        cells.push(health.changes.to_string());
+        cells.push(cause_names(health).join(" "));
+        cells.extend([health.wear, health.sensor].map(|stage| stage_name(stage).to_string()));
         let all: Vec<&str> = cells.iter().chain(&row.carried).map(String::as_str).collect();
         self.record(&all)
     }

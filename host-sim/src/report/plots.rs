@@ -108,7 +108,8 @@ fn law(joint: &Identification, n: f64, p: f64, t: f64) -> (f64, f64) {
         .map(|row| row.iter().rev().zip(f.iter().rev()).map(|(r, f)| f64::from(*r) * f).sum::<f64>().powi(2))
         .sum();
     let misfit = f64::from(joint.fit.law.residual_se.get());
-    (evaluate(&joint.fit, &point), (of_coefficients + misfit * misfit).sqrt())
+    let rest = f64::from(joint.fit.law.error_root.rest.get());
+    (evaluate(&joint.fit, &point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
 }
 
 /// Kou over speed at three temperatures, at two pressures: sections of the paper's surfaces, which paper can be read from.

@@ -11,11 +11,11 @@ use kou_app::j1939::{
 };
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{Guard, Session, Transfer};
-use kou_estimator::health::{Health, HealthConfig, HealthParams, HealthState, observe};
+use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
 use kou_tests::samples::{Random, Samples};
-use kou_tests::{record_of, reference_calibration, reference_params};
+use kou_tests::{record_of, reference_params};
 use serde_json::{Map, Value, json};
 
 use super::meaning::{meaning, meant};
@@ -39,9 +39,8 @@ impl Capture {
 
 /// Twenty seconds on the bus, with everything that is ever sent.
 fn capture() -> (Capture, Value) {
-    let (calibration, params) = (reference_calibration(), reference_params());
-    let health_params = HealthParams::new(&HealthConfig::for_law(&calibration.law), &params).unwrap();
-    let (mut state, mut learned) = (State::new(), HealthState::new());
+    let params = reference_params();
+    let mut state = State::new();
     let mut samples = Samples::new(11);
     let mut random = Random(5);
     let mut capture = Capture { log: String::new(), meant: Vec::new() };
@@ -55,7 +54,7 @@ fn capture() -> (Capture, Value) {
         let now = ms(10 * tick);
         let sample = samples.next().unwrap();
         let estimate = step(&params, &mut state, &sample);
-        let health: Health = observe(&params, &health_params, &mut learned, &sample);
+        let health: Health = estimate.health;
         // Troubles come one by one and go again: single frames first, lists later.
         match tick {
             400 => faults.confirmed(Code::Sensor(Channel::HighPressure, Fault::Open), Snapshot::at(4)),

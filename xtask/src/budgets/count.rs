@@ -43,7 +43,11 @@ pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
         ("law_instructions", "law", "instructions"),
         ("law_forward_inverse_instructions", "law + forward + inverse", "instructions"),
         ("step_typical_instructions", "step, typical sample", "instructions"),
-        ("step_worst_instructions", "step, worst of 8000 samples, good and faulty", "instructions"),
+        (
+            "step_worst_instructions",
+            "step, worst of 8000 samples, good and faulty, and of two drives",
+            "instructions",
+        ),
         ("state_bytes", "State", "bytes"),
         ("params_bytes", "Params", "bytes"),
         ("sample_bytes", "Sample", "bytes"),

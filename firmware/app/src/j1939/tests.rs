@@ -30,6 +30,7 @@ fn estimate() -> Estimate {
             leakage: LitrePerMin(12.5),
         }),
         seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
+        health: kou_estimator::health::Health::new(),
     }
 }
 

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::FrameError;
 
-/// Version of the link's protocol, told by [`Response::Hello`].
-pub const PROTOCOL: u16 = 1;
+/// Version of the link's protocol, told by [`Response::Hello`]. 2: estimates carry health.
+pub const PROTOCOL: u16 = 2;
 
 /// What the host asks. Every request is answered by exactly one [`Response`], in order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -96,7 +96,7 @@ extern "C" fn _start() {
     let calibration = unknown(0x60 as *const Calibration);
     let params = unknown(0x64 as *const Params);
     let bytes = *unknown(0x68 as *const &'static [u8]);
-    let mut state = *unknown(0x6c as *const State);
+    let mut state = unknown(0x6c as *const State).clone();
     let mut estimate = *unknown(0x70 as *const Estimate);
     let mut decoded = None;
     let mut checked = None;
@@ -109,6 +109,10 @@ extern "C" fn _start() {
     entries::kou_params_new(calibration, &mut checked);
     black_box(&checked);
     entries::kou_step(params, &mut state, unknown(0x74 as *const Sample), &mut estimate);
+    black_box(kou_estimator::state_record::encode(&state, 0, &mut buffer).is_ok());
+    black_box(kou_estimator::state_record::decode(bytes, 0).is_ok());
+    let health = state.health();
+    black_box((health.severity(params), health.remaining(params), health.last_change()));
     black_box((&estimate, estimate.wear_ratio().is_ok(), state.samples(), state.valid()));
     pieces(params, unknown(0x78 as *const OperatingPoint));
     configurations(calibration);

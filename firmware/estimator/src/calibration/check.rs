@@ -178,6 +178,7 @@ fn law(c: &Calibration) -> Result<(), CalibrationError> {
     in_range("law.t_max_c", k.t_max.get(), 10.0, 200.0)?;
     in_range("law.residual_se", k.residual_se.get(), 0.0, 10.0)?;
     // Standard errors of single coefficients may exceed the coefficients, but not by orders of magnitude.
+    in_range("law.error_root.rest", k.error_root.rest.get(), 0.0, 10.0)?;
     k.error_root.rows().into_iter().flatten().try_for_each(|v| in_range("law.error_root", *v, -100.0, 100.0))
 }
 
@@ -216,7 +217,7 @@ const fn region_field(direction: Direction) -> &'static str {
 fn sensors(c: &Calibration) -> Result<(), CalibrationError> {
     let e = &c.sensor_errors;
     in_range("sensor_errors.ratio_relative", e.ratio_relative, 0.0, 0.2)?;
-    in_range("sensor_errors.high_pressure_mpa", e.high_pressure.get(), 0.0, 10.0)?;
+    in_range("sensor_errors.high_pressure_relative", e.high_pressure_relative, 0.0, 0.2)?;
     in_range("sensor_errors.oil_temperature_k", e.oil_temperature.get(), 0.0, 50.0)?;
     in_range("sensor_errors.displacement", e.displacement.get(), 0.0, 0.5)?;
     let r = &c.sensor_ranges;
@@ -271,5 +272,6 @@ pub fn all(c: &Calibration) -> Result<(), CalibrationError> {
     region(c)?;
     sensors(c)?;
     oil_over_temperature(c)?;
-    limits(c)
+    limits(c)?;
+    c.health.check()
 }

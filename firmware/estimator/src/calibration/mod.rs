@@ -10,6 +10,7 @@ pub mod record;
 use heapless::String;
 use serde::{Deserialize, Serialize};
 
+use crate::health::HealthConfig;
 use crate::law::LawConfig;
 use crate::oil::OilConfig;
 use crate::reduced::ReducedConfig;
@@ -59,9 +60,8 @@ pub struct MachineConfig {
 pub struct SensorErrors {
     /// Of the speed ratio, relative: both speed sensors together, or flow meter and speed sensor.
     pub ratio_relative: f32,
-    /// Of the pressure of the high line.
-    #[serde(rename = "high_pressure_mpa")]
-    pub high_pressure: Megapascal,
+    /// Of the pressure of the high line, relative to the reading.
+    pub high_pressure_relative: f32,
     /// Of the oil temperature.
     #[serde(rename = "oil_temperature_k")]
     pub oil_temperature: Celsius,
@@ -148,6 +148,8 @@ pub struct Calibration {
     pub sensor_ranges: SensorRanges,
     /// Where the estimator refuses to judge.
     pub limits: Limits,
+    /// How health is learned and judged.
+    pub health: HealthConfig,
     /// Where the calibration comes from.
     pub provenance: Provenance,
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! offset 0   magic    4 bytes  "KOUC"
-//!        4   schema   u16 LE   2
+//!        4   schema   u16 LE   3
 //!        6   length   u16 LE   bytes of the payload
 //!        8   payload           the calibration in postcard's wire format
 //!        8+n crc      u32 LE   CRC-32/ISO-HDLC over everything before it
@@ -16,16 +16,15 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
 
 use super::Calibration;
+use crate::sealed::{seal, unseal};
 
 /// First four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"KOUC";
 /// Schema that this version writes and reads.
-pub const SCHEMA: u16 = 2;
+pub const SCHEMA: u16 = 3;
 /// Bytes that always suffice for a record.
 pub const MAX_LEN: usize = 880;
 
-const HEADER_LEN: usize = 8;
-const CRC_LEN: usize = 4;
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32/ISO-HDLC, as used in records and for provenance.
@@ -77,21 +76,7 @@ impl core::error::Error for RecordError {}
 /// # Errors
 /// [`RecordError::Buffer`] when it does not fit.
 pub fn encode(calibration: &Calibration, buffer: &mut [u8]) -> Result<usize, RecordError> {
-    let payload = buffer.get_mut(HEADER_LEN..).ok_or(RecordError::Buffer)?;
-    let length = postcard::to_slice(calibration, payload).map_err(|_| RecordError::Buffer)?.len();
-    let length_field = u16::try_from(length).map_err(|_| RecordError::Buffer)?;
-    let mut header = MAGIC.into_iter().chain(SCHEMA.to_le_bytes()).chain(length_field.to_le_bytes());
-    for (slot, byte) in buffer.iter_mut().zip(&mut header) {
-        *slot = byte;
-    }
-    let body_len = HEADER_LEN.saturating_add(length);
-    let crc = crc32(buffer.get(..body_len).ok_or(RecordError::Buffer)?).to_le_bytes();
-    let end = body_len.saturating_add(CRC_LEN);
-    let tail = buffer.get_mut(body_len..end).ok_or(RecordError::Buffer)?;
-    for (slot, byte) in tail.iter_mut().zip(crc) {
-        *slot = byte;
-    }
-    Ok(end)
+    seal(MAGIC, SCHEMA, calibration, buffer)
 }
 
 /// Reads a record that fills `bytes` exactly.
@@ -99,27 +84,5 @@ pub fn encode(calibration: &Calibration, buffer: &mut [u8]) -> Result<usize, Rec
 /// # Errors
 /// The first thing that is wrong; nothing of a damaged record is returned.
 pub fn decode(bytes: &[u8]) -> Result<Calibration, RecordError> {
-    let (magic, rest) = bytes.split_first_chunk::<4>().ok_or(RecordError::Truncated)?;
-    if *magic != MAGIC {
-        return Err(RecordError::Magic);
-    }
-    let (schema, rest) = rest.split_first_chunk::<2>().ok_or(RecordError::Truncated)?;
-    let schema = u16::from_le_bytes(*schema);
-    if schema != SCHEMA {
-        return Err(RecordError::Schema(schema));
-    }
-    let (length, rest) = rest.split_first_chunk::<2>().ok_or(RecordError::Truncated)?;
-    let length = usize::from(u16::from_le_bytes(*length));
-    let (payload, rest) = rest.split_at_checked(length).ok_or(RecordError::Truncated)?;
-    let (crc, excess) = rest.split_first_chunk::<4>().ok_or(RecordError::Truncated)?;
-    if !excess.is_empty() {
-        return Err(RecordError::Excess);
-    }
-    let covered = bytes.get(..HEADER_LEN.saturating_add(length)).ok_or(RecordError::Truncated)?;
-    if crc32(covered) != u32::from_le_bytes(*crc) {
-        return Err(RecordError::Crc);
-    }
-    let (calibration, rest) =
-        postcard::take_from_bytes::<Calibration>(payload).map_err(|_| RecordError::Payload)?;
-    if rest.is_empty() { Ok(calibration) } else { Err(RecordError::Payload) }
+    unseal(MAGIC, SCHEMA, bytes)
 }

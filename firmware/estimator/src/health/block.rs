@@ -35,25 +35,33 @@ pub struct Terms {
 }
 
 impl Terms {
-    const COUNT: usize = 9;
+    /// Nothing.
+    pub const NONE: Self = Self {
+        deficit: 0.0,
+        ratio_per_kou: 0.0,
+        kou_law: 0.0,
+        ratio: 0.0,
+        n_p_rpm: 0.0,
+        p_h_mpa: 0.0,
+        t_b_c: 0.0,
+        alpha: 0.0,
+        chi: 0.0,
+    };
 
-    fn to_array(self) -> [f32; Self::COUNT] {
-        [
-            self.deficit,
-            self.ratio_per_kou,
-            self.kou_law,
-            self.ratio,
-            self.n_p_rpm,
-            self.p_h_mpa,
-            self.t_b_c,
-            self.alpha,
-            self.chi,
-        ]
-    }
-
-    fn from_array(values: [f32; Self::COUNT]) -> Self {
-        let [deficit, ratio_per_kou, kou_law, ratio, n_p_rpm, p_h_mpa, t_b_c, alpha, chi] = values;
-        Self { deficit, ratio_per_kou, kou_law, ratio, n_p_rpm, p_h_mpa, t_b_c, alpha, chi }
+    /// Each of them by a function of it and its like.
+    #[inline(always)]
+    fn with(&self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self {
+            deficit: f(self.deficit, other.deficit),
+            ratio_per_kou: f(self.ratio_per_kou, other.ratio_per_kou),
+            kou_law: f(self.kou_law, other.kou_law),
+            ratio: f(self.ratio, other.ratio),
+            n_p_rpm: f(self.n_p_rpm, other.n_p_rpm),
+            p_h_mpa: f(self.p_h_mpa, other.p_h_mpa),
+            t_b_c: f(self.t_b_c, other.t_b_c),
+            alpha: f(self.alpha, other.alpha),
+            chi: f(self.chi, other.chi),
+        }
     }
 }
 
@@ -61,14 +69,16 @@ impl Terms {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Accumulator {
-    sums: [f32; Terms::COUNT],
+    sums: Terms,
     count: u32,
     begin: Micros,
     last: Micros,
+    after_gap: bool,
 }
 
 /// Means over a block.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Block {
     /// Time of its last sample.
     pub time: Micros,
@@ -80,17 +90,25 @@ pub struct Block {
     pub after_gap: bool,
 }
 
+impl Block {
+    /// A block of nothing, in the place of one that is to come.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { time: Micros(0), mean: Terms::NONE, count: 0, after_gap: false }
+    }
+}
+
 impl Accumulator {
     /// Nothing collected yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { sums: [0.0; Terms::COUNT], count: 0, begin: Micros(0), last: Micros(0) }
+        Self::since(Micros(0))
     }
 
-    /// Time of the last sample taken.
+    /// Nothing collected since a time.
     #[must_use]
-    pub const fn last(&self) -> Micros {
-        self.last
+    pub const fn since(time: Micros) -> Self {
+        Self { sums: Terms::NONE, count: 0, begin: time, last: time, after_gap: false }
     }
 
     /// Throws away what has been collected since the last block.
@@ -98,31 +116,34 @@ impl Accumulator {
         self.count = 0;
     }
 
-    /// Takes a sample; returns the block that it completes. The first sample after a gap is a block of its own.
-    pub fn takes(&mut self, time: Micros, terms: Terms, block_us: u32) -> Option<Block> {
-        let after_gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
-        if self.count == 0 || after_gap {
-            self.sums = [0.0; Terms::COUNT];
+    /// Takes a sample; true when the block is full. The first sample after a gap begins a new block, which says so.
+    #[inline(always)]
+    pub fn takes(&mut self, time: Micros, terms: &Terms, block_us: u32) -> bool {
+        let gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
+        if self.count == 0 || gap {
+            self.sums = *terms;
             self.count = 0;
             self.begin = self.last;
-        }
-        // A block has some hundred samples at most, so plain sums keep six digits.
-        for (sum, value) in self.sums.iter_mut().zip(terms.to_array()) {
-            *sum += value;
+            self.after_gap = gap;
+        } else {
+            // A block has some hundred samples at most, so plain sums keep six digits.
+            self.sums = self.sums.with(terms, |sum, value| sum + value);
         }
         self.count = self.count.saturating_add(1);
         self.last = time;
-        if time.0.saturating_sub(self.begin.0) < u64::from(block_us) {
-            return None;
-        }
-        let per_count = 1.0 / self.count as f32;
+        time.0.saturating_sub(self.begin.0) >= u64::from(block_us)
+    }
+
+    /// The block that is full; the next begins.
+    pub fn block(&mut self) -> Block {
+        let per_count = 1.0 / self.count.max(1) as f32;
         let block = Block {
-            time,
-            mean: Terms::from_array(self.sums.map(|s| s * per_count)),
+            time: self.last,
+            mean: self.sums.with(&Terms::NONE, |sum, _| sum * per_count),
             count: self.count,
-            after_gap,
+            after_gap: self.after_gap,
         };
         self.count = 0;
-        Some(block)
+        block
     }
 }

@@ -8,7 +8,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::block::Terms;
-use crate::params::Params;
+use crate::law::Law;
+use crate::reduced::ReducedModel;
 
 /// A possible explanation of a deficit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -109,10 +110,31 @@ impl Causes {
     }
 }
 
-/// Deficit of ratio per unit of each cause at a block, in the order of [`Cause::ALL`].
+/// Number of causes of [`signatures_of_leakage`].
+pub(super) const LEAKAGE_SIGNATURES: usize = 5;
+/// Number of causes of [`signatures_of_others`].
+pub(super) const OTHER_SIGNATURES: usize = CAUSES - LEAKAGE_SIGNATURES;
+
+/// Deficit of ratio per unit of each of the first causes at a block, in the order of [`Cause::ALL`].
 #[inline]
-pub(super) fn signatures(params: &Params, mean: &Terms) -> [f32; CAUSES] {
-    let reduced = params.reduced.config();
+pub(super) fn signatures_of_leakage(law: &Law, mean: &Terms) -> [f32; LEAKAGE_SIGNATURES] {
+    let wear = mean.ratio_per_kou * mean.kou_law;
+    let [per_rpm, ..] = law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
+    let per_n = 1.0 / mean.n_p_rpm;
+    [
+        wear,
+        // An orifice passes sqrt(p), so its part of Kou falls with 1/sqrt(p).
+        mean.ratio_per_kou * inverse_root(mean.p_h_mpa),
+        mean.ratio,
+        mean.ratio * per_n + wear * per_n - mean.ratio_per_kou * per_rpm,
+        -per_n,
+    ]
+}
+
+/// The same for the causes that follow.
+#[inline]
+pub(super) fn signatures_of_others(model: &ReducedModel, law: &Law, mean: &Terms) -> [f32; OTHER_SIGNATURES] {
+    let reduced = model.config();
     let per_b = 1.0 / (reduced.motor_displacement.get() + reduced.motor_dead_volume.get() * mean.chi);
     let full_cm3 = reduced.pump_displacement.get();
     // What compression acts on, per unit of what the motor swallows.
@@ -121,23 +143,26 @@ pub(super) fn signatures(params: &Params, mean: &Terms) -> [f32; CAUSES] {
         + mean.ratio * reduced.motor_dead_volume.get())
         * per_b;
     let wear = mean.ratio_per_kou * mean.kou_law;
-    let [per_rpm, per_mpa, per_kelvin] = params.law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
-    let per_n = 1.0 / mean.n_p_rpm;
-    let per_p = 1.0 / (mean.p_h_mpa - reduced.case_pressure.get()).max(0.1);
-    let compression = params.reduced.compression();
+    let [_, per_mpa, per_kelvin] = law.gradient([mean.n_p_rpm, mean.p_h_mpa, mean.t_b_c]);
+    let to_case_mpa = mean.p_h_mpa - reduced.case_pressure.get();
+    let per_p = 1.0 / if to_case_mpa > 0.1 { to_case_mpa } else { 0.1 };
+    let compression = model.compression();
     let slope_per_mpa = compression.slope_per_mpa(crate::units::Celsius(mean.t_b_c));
     [
-        wear,
-        // An orifice passes sqrt(p), so its part of Kou falls with 1/sqrt(p).
-        mean.ratio_per_kou * inverse_root(mean.p_h_mpa),
-        mean.ratio,
-        mean.ratio * per_n + wear * per_n - mean.ratio_per_kou * per_rpm,
-        -per_n,
         -carried * slope_per_mpa - wear * per_p - mean.ratio_per_kou * per_mpa,
         carried * mean.chi * compression.softening_per_k() - mean.ratio_per_kou * per_kelvin,
         full_cm3 * (1.0 - 0.5 * mean.chi) * per_b,
         carried,
     ]
+}
+
+/// Both in one.
+#[inline]
+pub(super) fn joined(
+    [wear, orifice, scale, pump, motor]: [f32; LEAKAGE_SIGNATURES],
+    [pressure, temperature, displacement, oil]: [f32; OTHER_SIGNATURES],
+) -> [f32; CAUSES] {
+    [wear, orifice, scale, pump, motor, pressure, temperature, displacement, oil]
 }
 
 /// `1/sqrt(p)` to 2e-3: a signature's shape, not a quantity.
@@ -152,7 +177,6 @@ fn inverse_root(p_mpa: f32) -> f32 {
 pub struct Diagnosis {
     with_deficit: [f32; CAUSES],
     with_itself: [f32; CAUSES],
-    deficit2: f32,
     blocks: u32,
 }
 
@@ -167,7 +191,7 @@ impl Diagnosis {
     /// Nothing taken yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { with_deficit: [0.0; CAUSES], with_itself: [0.0; CAUSES], deficit2: 0.0, blocks: 0 }
+        Self { with_deficit: [0.0; CAUSES], with_itself: [0.0; CAUSES], blocks: 0 }
     }
 
     /// Takes the deficit of a block, less what was explained before the change, with the variance of its noise.
@@ -175,7 +199,6 @@ impl Diagnosis {
         let weight = 1.0 / noise_variance;
         let keep = if self.blocks >= MEMORY_BLOCKS { 1.0 - 1.0 / MEMORY_BLOCKS as f32 } else { 1.0 };
         let weighted = weight * deficit;
-        self.deficit2 = keep * self.deficit2 + weighted * deficit;
         for ((with_deficit, with_itself), signature) in
             self.with_deficit.iter_mut().zip(&mut self.with_itself).zip(signatures)
         {
@@ -191,29 +214,31 @@ impl Diagnosis {
         self.blocks
     }
 
-    /// What an explanation explains, in units of chi-squared.
-    fn explained(&self, index: usize) -> f32 {
-        match (self.with_deficit.get(index), self.with_itself.get(index)) {
-            (Some(with_deficit), Some(with_itself)) if *with_itself > 0.0 => {
-                with_deficit * with_deficit / with_itself
-            }
-            _ => 0.0,
-        }
-    }
-
-    /// The causes that remain: those that explain nearly as much as the best.
+    /// What each cause explains, in units of chi-squared.
     #[must_use]
-    pub fn remaining(&self) -> Causes {
-        if self.blocks == 0 {
-            return Causes::default();
-        }
-        let best = (0..CAUSES).map(|i| self.explained(i)).fold(0.0, f32::max);
-        let mut causes = Causes::default();
-        for (index, cause) in Cause::ALL.into_iter().enumerate() {
-            if best - self.explained(index) < RULED_OUT {
-                causes = causes.with(cause);
+    pub fn explained(&self) -> [f32; CAUSES] {
+        let mut explained = [0.0; CAUSES];
+        for ((value, with_deficit), with_itself) in
+            explained.iter_mut().zip(&self.with_deficit).zip(&self.with_itself)
+        {
+            if *with_itself > 0.0 {
+                *value = with_deficit * with_deficit / with_itself;
             }
         }
-        causes
+        explained
     }
+}
+
+/// The causes that remain: those that explain nearly as much as the best.
+#[must_use]
+pub fn remaining(explained: &[f32; CAUSES]) -> Causes {
+    // A comparison, since `max` would be a call of a function.
+    let best = explained.iter().fold(0.0, |best, value| if *value > best { *value } else { best });
+    let mut causes = Causes::default();
+    for (value, cause) in explained.iter().zip(Cause::ALL) {
+        if best - value < RULED_OUT {
+            causes = causes.with(cause);
+        }
+    }
+    causes
 }

@@ -103,11 +103,13 @@ impl UdFilter {
         let turn = -f4 / a3;
         self.u4 = [u14 + turn * g1, u24 + turn * g2, u34 + turn * g3];
         let [g1, g2, g3, g4] = [g1 + u14 * v4, g2 + u24 * v4, g3 + u34 * v4, v4];
+        // Comparisons, since `max` would be a call of a function.
+        let bounded = |d: f32| if d > D_MIN { d } else { D_MIN };
         self.d = [
-            (d1 * noise_variance / a1).max(D_MIN),
-            (d2 * a1 / a2).max(D_MIN),
-            (d3 * a2 / a3).max(D_MIN),
-            (d4 * a3 / a4).max(D_MIN),
+            bounded(d1 * noise_variance / a1),
+            bounded(d2 * a1 / a2),
+            bounded(d3 * a2 / a3),
+            bounded(d4 * a3 / a4),
         ];
         let gain = error / a4;
         let [t1, t2, t3, t4] = self.theta;
@@ -118,12 +120,20 @@ impl UdFilter {
     pub fn forget_first(&mut self, variance: f32, largest: f32) {
         let [first, ..] = self.variances();
         let [d1, ..] = &mut self.d;
-        *d1 += variance.min((largest - first).max(0.0));
+        let room = if largest > first { largest - first } else { 0.0 };
+        *d1 += if variance < room { variance } else { room };
     }
 
     /// Replaces the parameters; the covariance stays.
     pub fn set_theta(&mut self, theta: [f32; PARAMETERS]) {
         self.theta = theta;
+    }
+
+    /// Whether parameters and factors are finite and the covariance positive definite.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let factors = [&self.u2].into_iter().chain(&self.u3).chain(&self.u4).chain(&self.theta);
+        self.d.iter().all(|d| *d > 0.0 && d.is_finite()) && factors.into_iter().all(|f| f.is_finite())
     }
 
     /// Puts the parameters within bounds.

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::health::HealthConfig;
 use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedConfig;
@@ -55,7 +56,7 @@ pub fn calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.002),
-            error_root: LawErrorRoot { c: [1e-3; 10], b2: [5e-4; 8], ..LawErrorRoot::NONE },
+            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
         },
         region: RegionConfig::around(
             [[0.3, 0.1, 0.3], [1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [1.0, 0.1, 0.3]],
@@ -63,7 +64,7 @@ pub fn calibration() -> Calibration {
         ),
         sensor_errors: SensorErrors {
             ratio_relative: 5e-4,
-            high_pressure: Megapascal(0.1),
+            high_pressure_relative: 0.004,
             oil_temperature: Celsius(1.0),
             displacement: Ratio(0.0),
         },
@@ -81,6 +82,12 @@ pub fn calibration() -> Calibration {
             min_displacement: Ratio(0.1),
             min_pressure_difference: Megapascal(3.0),
             max_kou: LeakageCoefficient(2.0),
+        },
+        health: HealthConfig {
+            rated_speed: RevPerMin(2000.0),
+            rated_pressure: Megapascal(30.0),
+            rated_temperature: Celsius(55.0),
+            ..HealthConfig::USUAL
         },
         provenance: Provenance {
             tool: "test".try_into().unwrap(),

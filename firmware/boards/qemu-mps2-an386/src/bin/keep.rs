@@ -79,6 +79,7 @@ fn frames() -> u32 {
             leakage: LitrePerMin(12.5),
         }),
         seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
+        health: kou_estimator::health::Health::new(),
     };
     let parts =
         [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)];

@@ -1,0 +1,59 @@
+//! Binary records: magic, schema, length, payload in postcard's wire format, CRC-32/ISO-HDLC over all of it.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::calibration::record::{RecordError, crc32};
+
+const HEADER_LEN: usize = 8;
+const CRC_LEN: usize = 4;
+
+/// Writes a record into `buffer` and returns its length.
+pub fn seal(
+    magic: [u8; 4],
+    schema: u16,
+    content: &impl Serialize,
+    buffer: &mut [u8],
+) -> Result<usize, RecordError> {
+    let payload = buffer.get_mut(HEADER_LEN..).ok_or(RecordError::Buffer)?;
+    let length = postcard::to_slice(content, payload).map_err(|_| RecordError::Buffer)?.len();
+    let length_field = u16::try_from(length).map_err(|_| RecordError::Buffer)?;
+    let mut header = magic.into_iter().chain(schema.to_le_bytes()).chain(length_field.to_le_bytes());
+    for (slot, byte) in buffer.iter_mut().zip(&mut header) {
+        *slot = byte;
+    }
+    let body_len = HEADER_LEN.saturating_add(length);
+    let crc = crc32(buffer.get(..body_len).ok_or(RecordError::Buffer)?).to_le_bytes();
+    let end = body_len.saturating_add(CRC_LEN);
+    let tail = buffer.get_mut(body_len..end).ok_or(RecordError::Buffer)?;
+    for (slot, byte) in tail.iter_mut().zip(crc) {
+        *slot = byte;
+    }
+    Ok(end)
+}
+
+/// Reads a record that fills `bytes` exactly.
+pub fn unseal<T: DeserializeOwned>(magic: [u8; 4], schema: u16, bytes: &[u8]) -> Result<T, RecordError> {
+    let (found_magic, rest) = bytes.split_first_chunk::<4>().ok_or(RecordError::Truncated)?;
+    if *found_magic != magic {
+        return Err(RecordError::Magic);
+    }
+    let (found_schema, rest) = rest.split_first_chunk::<2>().ok_or(RecordError::Truncated)?;
+    let found_schema = u16::from_le_bytes(*found_schema);
+    if found_schema != schema {
+        return Err(RecordError::Schema(found_schema));
+    }
+    let (length, rest) = rest.split_first_chunk::<2>().ok_or(RecordError::Truncated)?;
+    let length = usize::from(u16::from_le_bytes(*length));
+    let (payload, rest) = rest.split_at_checked(length).ok_or(RecordError::Truncated)?;
+    let (crc, excess) = rest.split_first_chunk::<4>().ok_or(RecordError::Truncated)?;
+    if !excess.is_empty() {
+        return Err(RecordError::Excess);
+    }
+    let covered = bytes.get(..HEADER_LEN.saturating_add(length)).ok_or(RecordError::Truncated)?;
+    if crc32(covered) != u32::from_le_bytes(*crc) {
+        return Err(RecordError::Crc);
+    }
+    let (content, rest) = postcard::take_from_bytes::<T>(payload).map_err(|_| RecordError::Payload)?;
+    if rest.is_empty() { Ok(content) } else { Err(RecordError::Payload) }
+}
