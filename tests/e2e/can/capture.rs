@@ -15,7 +15,7 @@ use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
 use kou_tests::samples::{Random, Samples};
-use kou_tests::{record_of, reference_params};
+use kou_tests::{record_of, reference_calibration, reference_params};
 use serde_json::{Map, Value, json};
 
 use super::meaning::{meaning, meant};
