@@ -1,10 +1,12 @@
 //! `host-sim evaluate`: how well health is judged, by Monte Carlo.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use kou_estimator::health::HealthConfig;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::lines::{Lines, Series};
 use super::{Failure, print_json, print_text};
 use crate::calibration::{self, SensorClass};
 use crate::evaluate::{COMMISSIONING_H, Event, Fault, Run, Setting, quantile};
@@ -38,6 +40,9 @@ pub struct Args {
     /// Rise of leakage by ageing of the oil, per hour.
     #[arg(long, default_value_t = 0.0)]
     pub oil_ageing_per_h: f64,
+    /// Folder for plots (SVG) and their data (CSV): delay against size, coverage against what is stated.
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -47,6 +52,14 @@ pub struct Args {
 const WORLD_H: f64 = 50.0;
 /// Hours after an event.
 const AFTER_H: f64 = 1.0;
+/// Worlds over which coverage is counted, for each run asked for: one world is one draw of the systematic errors.
+const COVERAGE_WORLDS: u64 = 10;
+/// Hours of each.
+const COVERAGE_H: f64 = 2.0;
+/// Hours in which a drift is looked for.
+const DRIFT_H: f64 = 15.0;
+/// Nominal probabilities of the intervals that are looked at, with the standard errors on either side.
+const NOMINAL: [(f64, f64); 5] = [(0.5, 0.674), (0.683, 1.0), (0.8, 1.282), (0.95, 1.96), (0.99, 2.576)];
 
 #[derive(Debug, Serialize)]
 struct Detection {
@@ -109,11 +122,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         oil_ageing_per_h: args.oil_ageing_per_h,
         seed: args.seed,
     };
-    let report = study(args, &setting);
+    let report = study(args, &setting, calibration.health)?;
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
 }
 
-fn study(args: &Args, setting: &Setting) -> Value {
+fn study(args: &Args, setting: &Setting, health: HealthConfig) -> Result<Value, Failure> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -122,8 +135,9 @@ fn study(args: &Args, setting: &Setting) -> Value {
     let worlds = (args.hours / WORLD_H).ceil() as u64;
     let hours_each = args.hours / worlds as f64;
     let healthy = setting.runs(worlds, hours_each, None);
-    let sum = |of: fn(&Run) -> u32| healthy.iter().map(|r| f64::from(of(r))).sum::<f64>();
-    let level_looks = sum(|r| r.level_looks).max(1.0);
+    let sum = |of: fn(&Run) -> f64| healthy.iter().map(of).sum::<f64>();
+    let coverage = Coverage::of(&setting.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H, None));
+    let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
     let hours = COMMISSIONING_H + AFTER_H;
     let detections: Vec<Detection> = [0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0]
         .into_iter()
@@ -145,15 +159,112 @@ fn study(args: &Args, setting: &Setting) -> Value {
             }),
         );
     }
-    json!({
+    let drift = setting.runs(args.runs, COMMISSIONING_H + DRIFT_H, Some(Event::Drift { per_h: 0.01 }));
+    let levels: Vec<f64> = drift.iter().filter_map(|r| r.level_at_report).collect();
+    if let Some(folder) = &args.plots {
+        plot(folder, &detections, &coverage, &health, open)?;
+    }
+    Ok(json!({
         "healthy_hours": args.hours,
-        "false_changes_per_1000_h": 1000.0 * sum(|r| r.false_changes) / args.hours,
+        "false_changes_per_1000_h": 1000.0 * sum(|r| f64::from(r.false_changes)) / args.hours,
         "false_wear_worlds": healthy.iter().filter(|r| r.false_wear).count(),
-        "coverage_level_95": sum(|r| r.level_hits) / level_looks,
-        "coverage_kou_95": sum(|r| r.kou_hits) / sum(|r| r.kou_looks).max(1.0),
-        "level_error_rms": (healthy.iter().map(|r| r.level_error2).sum::<f64>() / level_looks).sqrt(),
+        "gate_open_of_judged": open,
+        "coverage_worlds": COVERAGE_WORLDS * args.runs,
+        "coverage_level_95": coverage.level_95,
+        "coverage_kou_95": coverage.kou_95,
+        "level_error_rms": coverage.level_error_rms,
         "detection": detections,
+        "drift_1_pct_per_h": {
+            "runs": drift.len(),
+            "reported": levels.len(),
+            "level_at_report_median": quantile(levels.clone(), drift.len(), 0.5),
+            "level_at_report_95": quantile(levels, drift.len(), 0.95),
+        },
         "faults_of_2_pct_of_span": confusion,
+    }))
+}
+
+/// How often intervals held the truth.
+struct Coverage {
+    level_95: f64,
+    kou_95: f64,
+    level_error_rms: f64,
+    /// Nominal probability and share, of the level.
+    level: Vec<(f64, f64)>,
+}
+
+impl Coverage {
+    fn of(runs: &[Run]) -> Self {
+        let sum = |of: fn(&Run) -> f64| runs.iter().map(of).sum::<f64>();
+        let looks = sum(|r| f64::from(r.level_looks)).max(1.0);
+        let ratios: Vec<f64> = runs.iter().filter_map(|r| r.level_error_in_se).collect();
+        let within = |se: f64| ratios.iter().filter(|z| z.abs() <= se).count() as f64 / ratios.len() as f64;
+        Self {
+            level_95: sum(|r| f64::from(r.level_hits)) / looks,
+            kou_95: sum(|r| f64::from(r.kou_hits)) / sum(|r| f64::from(r.kou_looks)).max(1.0),
+            level_error_rms: (sum(|r| r.level_error2) / looks).sqrt(),
+            level: NOMINAL.iter().map(|(nominal, se)| (*nominal, within(*se))).collect(),
+        }
+    }
+}
+
+/// Draws measured curves beside derived ones.
+fn plot(
+    folder: &Path,
+    detections: &[Detection],
+    coverage: &Coverage,
+    health: &HealthConfig,
+    open: f64,
+) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| InputError::new(format!("cannot be made: {e}")).at_file(folder))?;
+    let measured = |of: fn(&Detection) -> Option<f64>| {
+        detections.iter().filter_map(move |d| Some((100.0 * d.share, of(d)?)))
+    };
+    let shares = (6..=100).map(|i| f64::from(i) / 100.0);
+    let derived = shares.filter_map(|share| Some((100.0 * share, derived_delay_s(health, open, share)?)));
+    let delay = Lines {
+        title: "Delay from the onset of a leak that grows within a minute to its report",
+        x: "change of leakage, %",
+        y: "judged driving, s",
+        series: vec![
+            Series::new("median of runs", measured(|d| d.delay_s_median)),
+            Series::new("95 % of runs", measured(|d| d.delay_s_95)),
+            Series::new("derived", derived.filter(|(_, delay)| *delay < 300.0)),
+        ],
+    };
+    let intervals = Lines {
+        title: "Intervals of the level: how often they hold the truth",
+        x: "nominal probability",
+        y: "share of worlds",
+        series: vec![
+            Series::new("measured", coverage.level.iter().copied()),
+            Series::new("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),
+        ],
+    };
+    for (name, lines) in [("health_delay", delay), ("health_coverage", intervals)] {
+        lines.write_csv(&folder.join(format!("{name}.csv")))?;
+        lines.draw(&folder.join(format!("{name}.svg")))?;
+    }
+    Ok(())
+}
+
+/// Delay by the derivation in `docs/health.md`: the expected sum reaches the limit.
+fn derived_delay_s(health: &HealthConfig, open: f64, share: f64) -> Option<f64> {
+    let f = f64::from;
+    let (block_s, misfit) = (f64::from(health.block_us) / 1e6, f(health.law_misfit));
+    let decisions = f(health.run_length_h) * 3600.0 / (block_s * f(health.misfit_blocks));
+    let limit = (2.0 * decisions).ln();
+    let largest = 2.0 * limit / f(health.misfit_blocks);
+    let noise2 = misfit * misfit * f(health.misfit_blocks);
+    let design = 2.0 * f(health.report_change);
+    let mut sum = 0.0_f64;
+    (1..7200).find_map(|i| {
+        let t_s = f64::from(i) * block_s;
+        let level = share * (t_s / 60.0).min(1.0);
+        let part = (design * (level - 0.5 * design) / noise2).clamp(-largest, largest);
+        sum = (sum + open * part).max(0.0);
+        (sum >= limit).then_some(t_s)
     })
 }
 

@@ -56,6 +56,12 @@ pub struct Run {
     pub kou_hits: u32,
     /// Sum of squared errors of the level.
     pub level_error2: f64,
+    /// Error of the level over its standard error, at the last look.
+    pub level_error_in_se: Option<f64>,
+    /// Seconds with a valid coefficient seen.
+    pub judged_s: f64,
+    /// Seconds of these with the gate open.
+    pub gate_open_s: f64,
 }
 
 impl Setting {
@@ -83,6 +89,10 @@ impl Setting {
             let health = estimate.health;
             let after = event.is_some() && world.time_s() > event_s;
             judged_s += if after && estimate.seen.is_ok() { PERIOD_S } else { 0.0 };
+            if estimate.seen.is_ok() {
+                run.judged_s += PERIOD_S;
+                run.gate_open_s += if health.gate.is_ok() { PERIOD_S } else { 0.0 };
+            }
             if health.changes > changes {
                 changes = health.changes;
                 if !after {
@@ -129,6 +139,7 @@ impl Run {
             self.level_looks += 1;
             self.level_hits += within(error, health.level_se.get());
             self.level_error2 += error * error;
+            self.level_error_in_se = Some(error / f64::from(health.level_se.get()));
         }
     }
 }
