@@ -56,7 +56,8 @@ impl StepWatch {
         let scale = thresholds.design / noise2;
         let allowance = 0.5 * thresholds.design + 2.0 * learned_sd;
         let most = thresholds.largest;
-        let part = |side: f32| (scale * (side * error - allowance)).clamp(-most, most);
+        // Not `clamp`, which panics on bounds that are no numbers.
+        let part = |side: f32| (scale * (side * error - allowance)).max(-most).min(most);
         let summed = |sum: f32| if sum > 0.0 { sum } else { 0.0 };
         self.up = summed(self.up + part(1.0));
         self.down = summed(self.down + part(-1.0));
