@@ -63,6 +63,12 @@ impl Params {
         &self.ranges
     }
 
+    /// Where the drive counts as working.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// Pressure of the low line where it is not measured.
     #[must_use]
     pub fn low_pressure(&self) -> Megapascal {

@@ -28,10 +28,11 @@ impl State {
         Self { last_time: None, samples: 0, valid: 0, health: HealthState::new() }
     }
 
-    /// State before the first sample of a machine of which this much has been learned before.
+    /// State before the first sample of a machine of which this much has been learned before, by whatever clock: the first
+    /// sample is refused as [`Reason::TimeReversed`], and what health had begun to collect is collected anew.
     #[must_use]
     pub const fn with_health(health: HealthState) -> Self {
-        Self { last_time: None, samples: 0, valid: 0, health }
+        Self { last_time: Some(Micros(u64::MAX)), samples: 0, valid: 0, health }
     }
 
     /// Number of samples seen; stays at its maximum instead of wrapping.

@@ -1,15 +1,17 @@
 //! The CAN bus as one to be told: what comes is taken in, what is due goes out, troubles are remembered.
 //!
 //! Each turn takes a bounded number of frames, so a bus that babbles costs a bounded time; what a driver's queue does not
-//! hold is lost there. Frames that carry a step of a calibration update are not obeyed yet.
+//! hold is lost there. Frames that carry a step of a calibration update
+//! go to the task `store`, whose answers leave with the next turn.
 
+use embassy_sync::blocking_mutex::raw::RawMutex;
 use kou_estimator::reading::Channel;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Fault, Reason, Sample};
 
-use super::{NoEstimate, Publish};
-use crate::faults::{Code, FaultMemory, Snapshot};
-use crate::j1939::{CalibrationSource, CalibrationState, Frame, Node, Outputs};
+use super::{Controller, NoEstimate, Publish};
+use crate::faults::{Code, Snapshot};
+use crate::j1939::{Frame, Node, Outputs, Received};
 
 /// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
 const MAX_IN: usize = 32;
@@ -28,33 +30,26 @@ pub trait CanPort {
 }
 
 /// The controller on its bus.
-#[derive(Debug)]
-pub struct Bus<P> {
+pub struct Bus<'c, P, M: RawMutex> {
     port: P,
     node: Node,
-    faults: FaultMemory,
+    controller: &'c Controller<M>,
     failed: [Option<Fault>; Channel::ALL.len()],
     started: Option<Micros>,
     dropped: u32,
 }
 
-impl<P: CanPort> Bus<P> {
+impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
     /// A controller that will claim its address on this bus.
-    pub const fn new(port: P, node: Node) -> Self {
+    pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
         Self {
             port,
             node,
-            faults: FaultMemory::new(),
+            controller,
             failed: [None; Channel::ALL.len()],
             started: None,
             dropped: 0,
         }
-    }
-
-    /// Troubles since the start.
-    #[must_use]
-    pub const fn faults(&self) -> &FaultMemory {
-        &self.faults
     }
 
     /// Frames that the driver had no room for.
@@ -73,35 +68,45 @@ impl<P: CanPort> Bus<P> {
         &mut self.port
     }
 
-    fn remember(&mut self, now: Micros, sample: Option<&Sample>) {
-        let seconds = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
+    fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
+        let seconds = self.controller.operating_s(now);
         let snapshot = sample.map_or(Snapshot::at(seconds), |sample| Snapshot::of(seconds, sample));
-        if let Some(sample) = sample {
-            for (channel, before) in Channel::ALL.into_iter().zip(&mut self.failed) {
+        let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
+        let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
+        let is_lost = self.node.is_silenced();
+        let failed = &mut self.failed;
+        self.controller.faults(|faults| {
+            for (channel, before) in Channel::ALL.into_iter().zip(failed) {
+                let Some(sample) = sample else { break };
                 let fault = fault_of(sample, channel);
                 if fault == *before {
                     continue;
                 }
                 if let Some(fault) = *before {
-                    self.faults.healed(Code::Sensor(channel, fault));
+                    faults.healed(Code::Sensor(channel, fault));
                 }
                 if let Some(fault) = fault {
-                    self.faults.confirmed(Code::Sensor(channel, fault), snapshot);
+                    faults.confirmed(Code::Sensor(channel, fault), snapshot);
                 }
                 *before = fault;
             }
-        }
-        let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
-        let states = [
-            (Code::BusSilent, now.0.saturating_sub(since.0) > SILENT.0),
-            (Code::AddressLost, self.node.is_silenced()),
-        ];
-        for (code, is_there) in states {
-            if is_there {
-                self.faults.confirmed(code, snapshot);
-            } else {
-                self.faults.healed(code);
+            if let Some(estimate) = estimate {
+                faults.follows(Code::Wear, estimate.health.wear, snapshot);
+                faults.follows(Code::SensorSuspect, estimate.health.sensor, snapshot);
             }
+            for (code, is_there) in [(Code::BusSilent, is_silent), (Code::AddressLost, is_lost)] {
+                if is_there {
+                    faults.confirmed(code, snapshot);
+                } else {
+                    faults.healed(code);
+                }
+            }
+        });
+    }
+
+    fn send(&mut self, frame: &Frame) {
+        if !self.port.send(frame) {
+            self.dropped = self.dropped.saturating_add(1);
         }
     }
 }
@@ -120,7 +125,7 @@ fn fault_of(sample: &Sample, channel: Channel) -> Option<Fault> {
     fault.filter(|fault| *fault != Fault::NotFitted)
 }
 
-impl<P: CanPort> Publish for Bus<P> {
+impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
     async fn publish(
         &mut self,
         now: Micros,
@@ -129,26 +134,31 @@ impl<P: CanPort> Publish for Bus<P> {
     ) {
         for _ in 0..MAX_IN {
             let Some(frame) = self.port.receive() else { break };
-            self.node.receive(now, &frame);
+            if let Received::Update { source, data } = self.node.receive(now, &frame) {
+                // A tool that does not wait for its answers loses commands, and is answered that a segment is missing.
+                self.controller.commands.try_send((source, data)).ok();
+            }
         }
-        self.remember(now, sample);
+        self.remember(now, estimate.as_ref().ok(), sample);
+        while let Ok((tool, answer)) = self.controller.answers.try_receive() {
+            if let Some(frame) = self.node.update_answer(tool, answer) {
+                self.send(&frame);
+            }
+        }
         // Without any estimate there is none that is valid: told as of readings that have not come.
         let missing = Estimate::invalid(now, Reason::Sensor(Channel::PumpSpeed, Fault::Missing));
-        let source = match estimate {
-            Err(NoEstimate::NoCalibration) => CalibrationSource::None,
-            _ => CalibrationSource::Default,
-        };
-        let outputs = Outputs {
-            estimate: estimate.as_ref().unwrap_or(&missing),
-            health: None,
-            calibration: CalibrationState { source, crc: 0 },
-            faults: &self.faults,
-        };
         for _ in 0..MAX_OUT {
-            let Some(frame) = self.node.poll(now, &outputs) else { break };
-            if !self.port.send(&frame) {
-                self.dropped = self.dropped.saturating_add(1);
-            }
+            let frame = self.controller.faults(|faults| {
+                let outputs = Outputs {
+                    estimate: estimate.as_ref().unwrap_or(&missing),
+                    health: estimate.as_ref().ok().map(|estimate| &estimate.health),
+                    calibration: self.controller.calibration().unwrap_or_default(),
+                    faults,
+                };
+                self.node.poll(now, &outputs)
+            });
+            let Some(frame) = frame else { break };
+            self.send(&frame);
         }
     }
 }

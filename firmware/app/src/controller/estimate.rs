@@ -2,29 +2,32 @@
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
-use kou_estimator::{Params, State, step};
+use kou_estimator::step;
 
+use super::exchange::Active;
 use super::{Controller, ESTIMATE_PERIOD, NoEstimate, Pace, now};
 use crate::log::info;
 
-/// Estimates for ever. Without parameters it waits for the first candidate.
+/// Estimates for ever. Without parameters it waits for the first ones.
 pub async fn run_estimate<M: RawMutex>(controller: &Controller<M>, start: Instant) -> ! {
     let mut pace = Pace::new(start, ESTIMATE_PERIOD, &controller.vitals.estimate);
-    let mut active: Option<(Params, State)> = None;
+    let mut active: Option<Active> = None;
     loop {
         pace.turn().await;
-        if let Ok(params) = controller.candidate.try_receive() {
-            // Swapped between two samples, whole. The state belongs to the old calibration and goes with it.
-            active = Some((params, State::new()));
-            info!("new calibration in use");
+        if controller.exchange.serve(&mut active)
+            && let Some(active) = &active
+        {
+            controller.set_calibration(active.calibration);
+            info!("calibration in use: {}", active.calibration);
         }
         let estimate = match (&mut active, controller.sample()) {
+            (None, _) if controller.calibration().is_none() => Err(NoEstimate::Starting),
             (None, _) => Err(NoEstimate::NoCalibration),
             (_, None) => Err(NoEstimate::Starting),
-            (Some((params, state)), Some(mut sample)) => {
+            (Some(active), Some(mut sample)) => {
                 // Judged as of now: if `sample` has stopped, its readings grow stale.
                 sample.time = now();
-                Ok(step(params, state, &sample))
+                Ok(step(&active.params, &mut active.state, &sample))
             }
         };
         controller.set_estimate(now(), estimate);

@@ -2,9 +2,12 @@
 //!
 //! ```text
 //!            1 kHz            100 Hz               100 Hz
-//! front end --> sample --sample--> estimate --estimate--> publish --> CAN
-//!                                  ^    \
-//!             calibration ---------/     `--estimate--> store (1 Hz) --> flash
+//! front end --> sample --sample--> estimate --estimate--> publish <--> CAN
+//!                                    ^  |                 |   ^
+//!            calibration, learned ---+--+--- learned   commands, answers
+//!                                    |  v                 v   |
+//!                                    store (1 Hz) <-------------
+//!                                      `--> flash
 //!
 //! every task --check-in--> supervise (20 Hz) --feeds--> watchdog
 //! ```
@@ -17,9 +20,10 @@
 //! | [`run_store`] | 1 s | low | 1 s | 10 s |
 //! | [`run_supervise`] | 50 ms | low | 50 ms | the watchdog's time |
 //!
-//! The tasks know no board: a board gives them a [`FrontEnd`], a [`Publish`], a [`Store`] and a [`Watchdog`], and runs each
-//! in an executor of its priority. They share one [`Controller`], which lives in a static. The only thing that passes
-//! from task to task is the latest value: a task that is late finds a newer one, never a queue.
+//! The tasks know no board: a board gives them a [`FrontEnd`], a [`Publish`], a flash and a [`Watchdog`], and runs each
+//! in an executor of its priority. They share one [`Controller`], which lives in a static. What passes
+//! from task to task is the latest value: a task that is late finds a newer one, never a queue. Only commands of a
+//! calibration update and their answers queue, a few of each.
 //!
 //! Safe state: the firmware has no actuator, so nothing that it does can disturb the drive. Whatever fails, the
 //! estimate is told as invalid with its reason ([`Controller::output`]), and silence on the bus is at most as long as
@@ -27,6 +31,8 @@
 
 mod bus;
 mod estimate;
+mod exchange;
+mod keep;
 pub mod note;
 mod pace;
 mod publish;
@@ -39,22 +45,29 @@ mod vital;
 
 pub use bus::{Bus, CanPort};
 pub use estimate::run_estimate;
+pub use exchange::Exchange;
+pub use keep::{KeepConfig, KeepError, KeepParams};
 pub use pace::Pace;
 pub use publish::{Publish, run_publish};
 pub use sample::{EdgeTimer, FrontEnd, Sampler, run_sample};
-pub use store::{Store, run_store};
+pub use store::{Begin, Keeper, run_store};
 pub use supervise::{Supervisor, Task, Watchdog, run_supervise};
 pub use vital::{Vital, Vitals, VitalsRead};
 
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Duration;
 use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Params, Sample};
+use kou_estimator::{Estimate, Sample};
 use serde::{Deserialize, Serialize};
+
+use crate::faults::{Code, FaultMemory, Snapshot};
+use crate::j1939::CalibrationState;
+use crate::storage::Kind;
 
 /// Period of [`run_sample`].
 pub const SAMPLE_PERIOD: Duration = Duration::from_millis(1);
@@ -69,11 +82,14 @@ pub const SUPERVISE_PERIOD: Duration = Duration::from_millis(50);
 /// Age at which an estimate is no longer told.
 pub const MAX_ESTIMATE_AGE: Duration = Duration::from_millis(100);
 
+/// Commands and answers of a calibration update that may wait.
+const QUEUE: usize = 4;
+
 /// Why there is no estimate at all; an estimate that is invalid has its own reasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoEstimate {
-    /// The tasks have just begun.
+    /// The tasks have just begun, or what is kept in flash is still being read.
     Starting,
     /// No calibration is in use.
     NoCalibration,
@@ -86,8 +102,16 @@ pub struct Controller<M: RawMutex> {
     sample: Mutex<M, Cell<Option<Sample>>>,
     estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
     told_at: Mutex<M, Cell<Micros>>,
-    /// Checked parameters on their way into use: the next turn of [`run_estimate`] takes them, and starts its state anew.
-    pub candidate: Channel<M, Params, 1>,
+    calibration: Mutex<M, Cell<Option<CalibrationState>>>,
+    faults: Mutex<M, RefCell<FaultMemory>>,
+    operated_before_s: AtomicU32,
+    writing: AtomicU8,
+    /// Parameters and learned health on their way between [`run_store`] and [`run_estimate`].
+    pub exchange: Exchange<M>,
+    /// Commands of a calibration update: who sent them, and their bytes.
+    pub commands: Channel<M, (u8, [u8; 8]), QUEUE>,
+    /// Answers to them: for whom, and their bytes.
+    pub answers: Channel<M, (u8, [u8; 8]), QUEUE>,
     /// How every task is doing.
     pub vitals: Vitals,
 }
@@ -100,7 +124,13 @@ impl<M: RawMutex> Controller<M> {
             sample: Mutex::new(Cell::new(None)),
             estimate: Mutex::new(Cell::new(None)),
             told_at: Mutex::new(Cell::new(Micros(0))),
-            candidate: Channel::new(),
+            calibration: Mutex::new(Cell::new(None)),
+            faults: Mutex::new(RefCell::new(FaultMemory::new())),
+            operated_before_s: AtomicU32::new(0),
+            writing: AtomicU8::new(0),
+            exchange: Exchange::new(),
+            commands: Channel::new(),
+            answers: Channel::new(),
             vitals: Vitals::new(),
         }
     }
@@ -118,6 +148,59 @@ impl<M: RawMutex> Controller<M> {
         let latest = self.estimate.lock(Cell::get).unwrap_or(Err(NoEstimate::Starting));
         let age_us = now.0.saturating_sub(self.told_at.lock(Cell::get).0);
         if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
+    }
+
+    /// The calibration in use; nothing until what is kept in flash has been read.
+    pub fn calibration(&self) -> Option<CalibrationState> {
+        self.calibration.lock(Cell::get)
+    }
+
+    fn set_calibration(&self, state: CalibrationState) {
+        self.calibration.lock(|cell| cell.set(Some(state)));
+    }
+
+    /// Looks at the fault memory, or changes it. No other task runs meanwhile: be short.
+    pub fn faults<R>(&self, look: impl FnOnce(&mut FaultMemory) -> R) -> R {
+        self.faults.lock(|memory| look(&mut memory.borrow_mut()))
+    }
+
+    /// What is measured now, at the present operating time.
+    fn snapshot(&self) -> Snapshot {
+        let operating_s = self.operating_s(now());
+        self.sample().map_or(Snapshot::at(operating_s), |sample| Snapshot::of(operating_s, &sample))
+    }
+
+    fn happened(&self, code: Code) {
+        let snapshot = self.snapshot();
+        self.faults(|memory| memory.happened(code, snapshot));
+    }
+
+    fn confirmed(&self, code: Code) {
+        let snapshot = self.snapshot();
+        self.faults(|memory| memory.confirmed(code, snapshot));
+    }
+
+    fn healed(&self, code: Code) {
+        self.faults(|memory| memory.healed(code));
+    }
+
+    /// Operating time of the controller at `now`, in seconds: that of earlier runs and that of this one.
+    pub fn operating_s(&self, now: Micros) -> u32 {
+        let this_run_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
+        self.operated_before_s.load(Ordering::Relaxed).saturating_add(this_run_s)
+    }
+
+    fn set_operated_before(&self, seconds: u32) {
+        self.operated_before_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// The record that is being written to flash, if any.
+    pub fn writing(&self) -> Option<Kind> {
+        self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(Kind::from_number)
+    }
+
+    fn set_writing(&self, kind: Option<Kind>) {
+        self.writing.store(kind.map_or(0, |kind| (kind as u8).saturating_add(1)), Ordering::Relaxed);
     }
 
     fn set_sample(&self, sample: Sample) {

@@ -7,6 +7,9 @@
 use core::fmt::{self, Write};
 
 use kou_estimator::calibration::record::crc32;
+use serde::{Deserialize, Serialize};
+
+use crate::storage::ResetCause;
 
 /// Bytes to set aside.
 pub const LEN: usize = 160;
@@ -16,7 +19,9 @@ const MARK: [u8; 4] = *b"KOUN";
 const HEAD: usize = 10;
 
 /// What happened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+///
+/// On flash by position: append only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Kind {
     /// The firmware panicked; the text is its message.
@@ -33,31 +38,25 @@ impl Kind {
     const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Asked];
 }
 
-/// Why the controller started, as its hardware tells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ResetCause {
-    /// Power came.
-    PowerOn,
-    /// The supply fell too low and came back.
-    BrownOut,
-    /// The reset pin.
-    Pin,
-    /// The watchdog.
-    Watchdog,
-    /// The firmware itself.
-    Software,
-    /// None of these, or the hardware does not tell.
-    Unknown,
-}
-
 /// A note that was left.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Note {
     /// What happened.
     pub kind: Kind,
     /// In words, cut where there was no room.
     pub text: heapless::String<{ LEN - HEAD }>,
+}
+
+/// Why the controller started: what the note says where there is one, since the hardware sees a panic as a reset that was
+/// asked for; else what the hardware says.
+#[must_use]
+pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
+    match note.map(|note| note.kind) {
+        Some(Kind::Panic | Kind::HardFault) => ResetCause::Panic,
+        Some(Kind::Overdue) => ResetCause::Watchdog,
+        Some(Kind::Asked) => ResetCause::Software,
+        None => hardware,
+    }
 }
 
 /// Leaves a note. Longer texts are cut at a whole character.

@@ -27,6 +27,12 @@ impl<'a> Pace<'a> {
 
     /// Ends the present turn and waits for the next.
     pub async fn turn(&mut self) -> Instant {
+        Timer::at(self.end()).await;
+        self.begin()
+    }
+
+    /// Ends the present turn and says when the next one is due, for a task that has something to do until then.
+    pub fn end(&mut self) -> Instant {
         let done = Instant::now();
         self.due = self.due.saturating_add(self.period);
         if let Some(began) = self.began {
@@ -39,7 +45,11 @@ impl<'a> Pace<'a> {
                 self.due = self.due.saturating_add(left_out);
             }
         }
-        Timer::at(self.due).await;
+        self.due
+    }
+
+    /// Begins the turn that is due.
+    pub fn begin(&mut self) -> Instant {
         let now = Instant::now();
         self.began = Some(now);
         self.vital.begins(now.saturating_duration_since(self.due));

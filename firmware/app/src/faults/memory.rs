@@ -220,6 +220,20 @@ impl FaultMemory {
         self.occurs(code, snapshot, false);
     }
 
+    /// Takes over what an earlier run left in flash; what has happened in this run already comes on top. Nothing of the
+    /// earlier run is active any more: what is still there occurs anew.
+    pub fn restore(&mut self, stored: Self) {
+        let since_start = core::mem::replace(self, stored);
+        for entry in &mut self.entries {
+            entry.active = false;
+        }
+        self.lost = self.lost.saturating_add(since_start.lost);
+        self.changed |= since_start.changed;
+        for entry in &since_start.entries {
+            self.takes(entry);
+        }
+    }
+
     /// Forgets every trouble that is not active, as the workshop's "clear" does.
     pub fn clear_previous(&mut self) {
         let before = self.entries.len();
@@ -230,21 +244,27 @@ impl FaultMemory {
 
     fn occurs(&mut self, code: Code, snapshot: Snapshot, active: bool) {
         let dtc = code.dtc();
-        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == dtc) {
-            if entry.active && active {
+        if !self.entries.iter().any(|entry| entry.dtc == dtc) {
+            // The first of its kind only: what somebody on the bus repeats must not flood the log.
+            info!("trouble {}", code);
+        }
+        self.takes(&Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
+    }
+
+    /// Adds occurrences of a trouble to those that are known, or finds a place for the first ones.
+    fn takes(&mut self, new: &Entry) {
+        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == new.dtc) {
+            if entry.active && new.active {
                 return;
             }
-            entry.active = active;
-            entry.occurrences = entry.occurrences.saturating_add(1).min(OCCURRENCES_MAX);
-            entry.last = snapshot;
+            entry.active = new.active;
+            entry.occurrences = entry.occurrences.saturating_add(new.occurrences).min(OCCURRENCES_MAX);
+            entry.last = new.last;
             self.changed = true;
             return;
         }
         self.changed = true;
-        // The first of its kind only: what somebody on the bus repeats must not flood the log.
-        info!("trouble {}", code);
-        let entry = Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot };
-        let Err(entry) = self.entries.push(entry) else { return };
+        let Err(entry) = self.entries.push(*new) else { return };
         let least = self.entries.iter_mut().min_by_key(|entry| entry.rank());
         match least {
             // What is worth no more than the least there is does not push it out: the first to come stay.

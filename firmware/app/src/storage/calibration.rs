@@ -1,11 +1,12 @@
 //! Which calibration is live after a start: the stored one when it is whole, readable and passes every check; the default,
-//! which the firmware was built with, when not. A stored calibration that fails is a trouble, never silently replaced.
+//! which the firmware was built or provisioned with, when not. A stored calibration that fails is a trouble, never silently
+//! replaced.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::Params;
 use kou_estimator::calibration::{MachineConfig, record};
 
-use super::kinds::StoredCalibration;
+use super::kinds::{StoredCalibration, UpdateCounter};
 use super::store::{Store, StoreError};
 use crate::faults::Code;
 use crate::j1939::{CalibrationSource, CalibrationState};
@@ -27,8 +28,8 @@ pub struct Live {
 pub struct Loaded {
     /// The calibration to use; nothing when there is no good one at all.
     pub live: Option<Live>,
-    /// Counter of the last accepted update. Where it cannot be read it is the largest there is: no update is taken then,
-    /// because any could be an old one, until the workshop erases the storage.
+    /// Counter of the last accepted update. Where neither record of it can be read it is the largest there is: no update is
+    /// taken then, because any could be an old one, until the workshop erases the storage.
     pub counter: u32,
     /// The trouble to be reported, if any.
     pub trouble: Option<Code>,
@@ -39,6 +40,8 @@ pub(crate) fn crc_of(record: &[u8]) -> u32 {
     record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc))
 }
 
+// Not inlined, here and below: what it works with is large and would live in a task's memory for good.
+#[inline(never)]
 fn live(bytes: &[u8], source: CalibrationSource) -> Option<Live> {
     let calibration = record::decode(bytes).ok()?;
     let params = Params::new(&calibration).ok()?;
@@ -60,19 +63,38 @@ impl Live {
 
 /// Reads the stored calibration, or falls back to the `default` record.
 pub async fn load<F: NorFlash>(store: &mut Store<F>, default: Option<&[u8]>) -> Loaded {
+    let alone = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
+    let stored = store.read::<StoredCalibration<'_>>().await;
+    choose(stored, alone, default)
+}
+
+#[inline(never)]
+fn choose(
+    stored: Result<Option<StoredCalibration<'_>>, StoreError>,
+    alone: Result<Option<u32>, StoreError>,
+    default: Option<&[u8]>,
+) -> Loaded {
     let default = || default.and_then(|bytes| live(bytes, CalibrationSource::Default));
-    match store.read::<StoredCalibration<'_>>().await {
-        Ok(None) => Loaded { live: default(), counter: 0, trouble: None },
-        Ok(Some(StoredCalibration { counter, record: [] })) => {
-            Loaded { live: default(), counter, trouble: None }
+    let known = alone.ok().flatten();
+    match stored {
+        Ok(None) => Loaded { live: default(), counter: known.unwrap_or(0), trouble: None },
+        Ok(Some(StoredCalibration { counter, record })) => {
+            let counter = counter.max(known.unwrap_or(0));
+            if record.is_empty() {
+                return Loaded { live: default(), counter, trouble: None };
+            }
+            match live(record, CalibrationSource::Stored) {
+                Some(live) => Loaded { live: Some(live), counter, trouble: None },
+                None => Loaded { live: default(), counter, trouble: Some(Code::CalibrationLost) },
+            }
         }
-        Ok(Some(StoredCalibration { counter, record })) => match live(record, CalibrationSource::Stored) {
-            Some(live) => Loaded { live: Some(live), counter, trouble: None },
-            None => Loaded { live: default(), counter, trouble: Some(Code::CalibrationLost) },
+        Err(error) => Loaded {
+            live: default(),
+            counter: known.unwrap_or(u32::MAX),
+            trouble: Some(match error {
+                StoreError::Schema { .. } | StoreError::Body(_) => Code::CalibrationLost,
+                _ => Code::StorageFailed,
+            }),
         },
-        Err(StoreError::Schema { .. } | StoreError::Body(_)) => {
-            Loaded { live: default(), counter: u32::MAX, trouble: Some(Code::CalibrationLost) }
-        }
-        Err(_) => Loaded { live: default(), counter: u32::MAX, trouble: Some(Code::StorageFailed) },
     }
 }

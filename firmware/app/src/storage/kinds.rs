@@ -4,6 +4,7 @@ use kou_estimator::health::HealthState;
 use serde::{Deserialize, Serialize};
 
 use super::record::{Kind, Record};
+use crate::controller::note::Note;
 use crate::faults::{Code, FaultMemory};
 
 /// A calibration with the counter of the update that brought it: they are one record, so they cannot part.
@@ -19,6 +20,33 @@ pub struct StoredCalibration<'a> {
 
 impl<'a> Record<'a> for StoredCalibration<'a> {
     const KIND: Kind = Kind::Calibration;
+    const SCHEMA: u16 = 1;
+}
+
+/// The counter of the last accepted update once more, by itself: it stays readable where the calibration does not, as when
+/// another version wrote it. The counter in force is the larger of the two.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UpdateCounter {
+    /// Counter of the update.
+    pub counter: u32,
+}
+
+impl Record<'_> for UpdateCounter {
+    const KIND: Kind = Kind::UpdateCounter;
+    const SCHEMA: u16 = 1;
+}
+
+/// Why the firmware stopped itself the last time that it did: the note that outlived the reset.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StopNote {
+    /// Operating time before the stop, in seconds, as far as it had been written.
+    pub operating_s: u32,
+    /// What it was.
+    pub note: Note,
+}
+
+impl Record<'_> for StopNote {
+    const KIND: Kind = Kind::Stop;
     const SCHEMA: u16 = 1;
 }
 
@@ -49,7 +77,8 @@ impl Record<'_> for FaultMemory {
     const SCHEMA: u16 = 1;
 }
 
-/// Why the controller (re)started. On flash by position: append only.
+/// Why the controller (re)started, as its hardware tells; a [note](crate::controller::note) may know better. On flash by
+/// position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ResetCause {

@@ -23,7 +23,7 @@ pub mod store;
 mod tests;
 
 pub use calibration::{Live, Loaded, load};
-pub use kinds::{HealthRecord, Life, ResetCause, StoredCalibration};
+pub use kinds::{HealthRecord, Life, ResetCause, StopNote, StoredCalibration, UpdateCounter};
 pub use ram::RamFlash;
 pub use record::{Kind, Record};
 pub use store::{BUFFER_LEN, Healed, MIN_BYTES, SetUpError, Store, StoreError};

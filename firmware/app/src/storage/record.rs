@@ -33,11 +33,35 @@ pub enum Kind {
     Faults = 2,
     /// Hours, restarts and their causes.
     Life = 3,
+    /// Counter of the last accepted update, by itself.
+    UpdateCounter = 4,
+    /// The last note that outlived a reset.
+    Stop = 5,
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Self; 4] = [Self::Calibration, Self::Health, Self::Faults, Self::Life];
+    pub const ALL: [Self; 6] =
+        [Self::Calibration, Self::Health, Self::Faults, Self::Life, Self::UpdateCounter, Self::Stop];
+
+    /// Name as reports print it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Calibration => "calibration",
+            Self::Health => "health",
+            Self::Faults => "faults",
+            Self::Life => "life",
+            Self::UpdateCounter => "update_counter",
+            Self::Stop => "stop",
+        }
+    }
+
+    /// The kind of this number.
+    #[must_use]
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| *kind as u8 == number)
+    }
 
     /// Key of one of the two copies.
     pub(super) const fn key(self, copy: Copy) -> u8 {

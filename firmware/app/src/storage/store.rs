@@ -138,6 +138,14 @@ impl<F: NorFlash> Store<F> {
         })
     }
 
+    /// Body of the newest record of a kind, of whatever schema, as it was written; nothing as of [`read`](Self::read).
+    ///
+    /// # Errors
+    /// When the flash cannot be read.
+    pub async fn read_body(&mut self, kind: Kind) -> Result<Option<&[u8]>, StoreError> {
+        Ok(self.newest_whole(kind).await?.map(|raw| raw.body))
+    }
+
     /// Writes a record, both copies. To be awaited to its end.
     ///
     /// # Errors

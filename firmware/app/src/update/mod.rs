@@ -7,6 +7,7 @@
 //! | [`session`] | the controller's side: takes commands, guards, refuses by name |
 //! | [`service`] | session and store together, with one owner |
 //! | [`transfer`] | the tool's side: makes the commands of one update |
+//! | [`provision`] | key and first calibration, written by production |
 //! | [`refusal`] | why something is refused |
 //!
 //! An update is taken only while the drive is not loaded, from whoever holds the key, with a counter above the last
@@ -15,6 +16,7 @@
 //! is the manual.
 
 pub mod mac;
+pub mod provision;
 pub mod refusal;
 pub mod service;
 pub mod session;

@@ -81,8 +81,10 @@ pub struct Guard<'a> {
 pub enum What {
     /// Record of the calibration in use.
     Calibration,
-    /// Learned state: [`crate::storage::HealthRecord`] in postcard's wire format.
+    /// Learned state as last written: [`crate::storage::HealthRecord`] in postcard's wire format.
     Health,
+    /// Why the firmware last stopped itself: [`crate::storage::StopNote`] in postcard's wire format.
+    Stop,
 }
 
 impl What {
@@ -90,6 +92,7 @@ impl What {
         match self {
             Self::Calibration => 1,
             Self::Health => 2,
+            Self::Stop => 3,
         }
     }
 
@@ -97,6 +100,7 @@ impl What {
         match number {
             1 => Some(Self::Calibration),
             2 => Some(Self::Health),
+            3 => Some(Self::Stop),
             _ => None,
         }
     }

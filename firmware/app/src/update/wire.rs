@@ -6,7 +6,7 @@
 //! data         02   number   six bytes of record and tag, the last segment filled up with FF
 //! commit       03   FF
 //! abort        04   FF
-//! read         11   what     FF                             1: calibration in use, 2: learned state
+//! read         11   what     FF                             1: calibration in use, 2: learned state, 3: last stop
 //! next         12   number   FF
 //!
 //! answer    byte 0  1        2..7
@@ -57,7 +57,7 @@ pub enum Command {
     Commit,
     /// Forget the transfer.
     Abort,
-    /// Begins a reading: 1 the calibration in use, 2 the learned state.
+    /// Begins a reading: 1 the calibration in use, 2 the learned state, 3 why the firmware last stopped itself.
     Read {
         /// What.
         what: u8,

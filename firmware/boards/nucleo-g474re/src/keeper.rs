@@ -11,8 +11,9 @@ use embassy_stm32::Peri;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use kou_app::controller::note::{self, Kind, ResetCause};
-use kou_app::controller::{Task, Watchdog};
+use kou_app::controller::note::{self, Kind};
+use kou_app::controller::{Begin, Task, Watchdog};
+use kou_app::storage::ResetCause;
 
 /// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
@@ -57,8 +58,8 @@ impl Watchdog for Keeper {
     }
 }
 
-/// Tells the log why the controller started, and forgets it.
-pub(crate) fn report() {
+/// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
+pub(crate) fn begin() -> Begin {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -74,9 +75,11 @@ pub(crate) fn report() {
         ResetCause::Unknown
     };
     defmt::info!("started by {}", cause);
-    if let Some(note) = with_note(note::take) {
+    let note = with_note(note::take);
+    if let Some(note) = &note {
         defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
     }
+    Begin { cause, note }
 }
 
 /// Leaves a note and resets.

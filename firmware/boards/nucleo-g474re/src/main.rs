@@ -3,6 +3,7 @@
 //! | module | duty |
 //! |---|---|
 //! | [`can`] | the CAN bus |
+//! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
 //! | [`keeper`] | watchdog, reset cause, the note across a reset, panics and hard faults |
@@ -14,11 +15,13 @@
 
 mod can;
 mod clocks;
+mod flash;
 mod keeper;
 mod pickups;
 
 use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, SpawnError, Spawner};
+use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
@@ -27,15 +30,17 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt, peripherals};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
+use static_cell::StaticCell;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Bus, Controller, NoEstimate, Publish, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
-    run_supervise,
+    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler, run_estimate,
+    run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
+use kou_app::update::Service;
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
@@ -49,6 +54,7 @@ bind_interrupts!(struct Irqs {
     DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
     TIM2 => pickups::Handler;
+    FLASH => embassy_stm32::flash::InterruptHandler;
     FDCAN1_IT0 => embassy_stm32::can::IT0InterruptHandler<peripherals::FDCAN1>;
     FDCAN1_IT1 => embassy_stm32::can::IT1InterruptHandler<peripherals::FDCAN1>;
 });
@@ -85,6 +91,10 @@ type FrontEnd = Sampler<
     Pickups,
 >;
 
+type FlashRecords = Records<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
+
+static RECORDS: StaticCell<FlashRecords> = StaticCell::new();
+
 #[embassy_executor::task]
 async fn sample(start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
     run_sample(&CONTROLLER, start, &params, &mut front_end).await
@@ -97,13 +107,13 @@ async fn estimate(start: Instant) {
 
 #[embassy_executor::task]
 async fn publish(start: Instant, node: Node, port: can::Port) {
-    let mut to = Told { bus: Bus::new(port, node), was_valid: None };
+    let mut to = Told { bus: Bus::new(port, node, &CONTROLLER), was_valid: None };
     run_publish(&CONTROLLER, start, &mut to).await
 }
 
 #[embassy_executor::task]
-async fn store(start: Instant) {
-    run_store(&CONTROLLER, start, &mut Nowhere).await
+async fn store(start: Instant, begin: Begin, records: &'static mut FlashRecords) {
+    run_store(&CONTROLLER, start, begin, records).await
 }
 
 #[embassy_executor::task]
@@ -113,7 +123,7 @@ async fn supervise(start: Instant, mut keeper: Keeper) {
 
 /// Tells the bus, and the log when the estimates become valid and when they cease to be.
 struct Told {
-    bus: Bus<can::Port>,
+    bus: Bus<'static, can::Port, CriticalSectionRawMutex>,
     was_valid: Option<bool>,
 }
 
@@ -133,12 +143,6 @@ impl Publish for Told {
     }
 }
 
-struct Nowhere;
-
-impl Store for Nowhere {
-    async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {}
-}
-
 /// Preferred address on the bus, of those that J1939 leaves free to be claimed (128 to 247).
 const ADDRESS: u8 = 0x8C;
 
@@ -150,7 +154,7 @@ fn identity() -> u32 {
 /// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
 const ADC_CLOCK: Hertz = Hertz(1_000_000);
 
-fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
+fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnError> {
     let keeper = Keeper::new(p.IWDG);
     let mut config = spi::Config::default();
     config.frequency = ADC_CLOCK;
@@ -169,6 +173,16 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     let Some(port) = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs) else {
         keeper::stop(format_args!("the CAN queues are taken"))
     };
+    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else {
+        keeper::stop(format_args!("the rates of writing are refused"))
+    };
+    let Ok(records) = flash::store(p.FLASH, Irqs) else {
+        keeper::stop(format_args!("the flash is not set up as two banks"))
+    };
+    let service = Service::new(records, flash::Provisioned, flash::default_calibration());
+    let Some(records) = RECORDS.try_init(Records::new(service, rates)) else {
+        keeper::stop(format_args!("the records are open"))
+    };
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
@@ -177,7 +191,7 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     highest.spawn(sample(start, params, front_end)?);
     high.spawn(estimate(start)?);
     spawner.spawn(publish(start, Node::new(name, ADDRESS), port)?);
-    spawner.spawn(store(start)?);
+    spawner.spawn(store(start, begin, records)?);
     spawner.spawn(supervise(start, keeper)?);
     Ok(())
 }
@@ -186,8 +200,8 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
 async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(clocks::config());
     defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
-    keeper::report();
-    if start(spawner, p).is_err() {
+    let begin = keeper::begin();
+    if start(spawner, p, begin).is_err() {
         keeper::stop(format_args!("a task could not be started"));
     }
 }
