@@ -28,6 +28,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod apart;
 mod log;
 
 pub mod controller;

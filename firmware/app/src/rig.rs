@@ -1,16 +1,20 @@
 //! Exchange between an emulated controller and the host that emulates what is around it, once every millisecond.
 //!
 //! The firmware says what it wants of its hardware (SPI bytes to clock out) and what it tells; the host answers with the
-//! bytes clocked in and the edges of the pickups. One exchange is two messages in postcard's format, each behind its
-//! length in two bytes, little-endian. No board on a vehicle uses it.
+//! bytes clocked in and the edges of the pickups. Besides, at any time, the flash: each operation is a message and its
+//! answer, so that what was written outlasts a reset of the controller, and a supply that fails in the middle of it can be
+//! emulated. One exchange is two messages in postcard's format, each behind its length in two bytes, little-endian. No board
+//! on a vehicle uses it.
 
 use heapless::Vec;
 use kou_estimator::{Estimate, Sample};
 use serde::{Deserialize, Serialize};
 
+use crate::controller::note::Note;
 use crate::controller::{NoEstimate, VitalsRead};
 use crate::sensors::pickup::MAX_EDGES;
 use crate::sensors::set::CHANNELS;
+use crate::storage::ResetCause;
 
 /// Bytes before a message: its length.
 pub const HEAD: usize = 2;
@@ -22,8 +26,73 @@ pub const MAX_CAN: usize = 8;
 /// A CAN frame: identifier of 29 bits and data.
 pub type CanFrame = (u32, Vec<u8, 8>);
 
-/// Longest calibration record that the first message may carry.
-pub const MAX_RECORD: usize = kou_estimator::calibration::record::MAX_LEN;
+/// Bytes of the emulated flash.
+pub const FLASH_LEN: usize = 32 * 1024;
+/// Bytes of its pages: those of an STM32G474 with two banks.
+pub const FLASH_PAGE: usize = 2048;
+/// Bytes that one operation reads or writes at most.
+pub const FLASH_CHUNK: usize = 256;
+
+/// How the controller begins: the first message, from the host.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Begin<'a> {
+    /// Record of the default calibration, as production would write it; empty for none.
+    #[serde(borrow)]
+    pub default: &'a [u8],
+    /// The controller's key, as production would write it.
+    pub key: Option<[u8; 32]>,
+    /// Why it starts, as its hardware would tell.
+    pub cause: ResetCause,
+    /// What an earlier run left in memory that start-up leaves alone.
+    pub note: Option<Note>,
+    /// Time between two writes of learned health and of the hours, s: scenarios are shorter than drives.
+    pub keep_s: u32,
+}
+
+/// An operation of the flash.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FlashWork {
+    /// Reads bytes, [`FLASH_CHUNK`] at most.
+    Read {
+        /// First byte.
+        offset: u32,
+        /// How many.
+        length: u16,
+    },
+    /// Programs whole words.
+    Write {
+        /// First byte.
+        offset: u32,
+        /// What.
+        bytes: Vec<u8, FLASH_CHUNK>,
+    },
+    /// Erases whole pages.
+    Erase {
+        /// First byte.
+        from: u32,
+        /// Byte behind the last.
+        to: u32,
+    },
+}
+
+/// What came of it: bytes that were read, or nothing where the flash refused.
+pub type FlashDone = Option<Vec<u8, FLASH_CHUNK>>;
+
+/// A message from the firmware.
+// One at a time: boxes are neither possible nor useful.
+#[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Said {
+    /// A millisecond begins; the answer is [`FromHost`].
+    Tick(ToHost),
+    /// The flash is to do something; the answer is [`FlashDone`].
+    Flash {
+        /// Number of the record kind that is being written, for the host to aim at; nothing while records are read.
+        of: Option<u8>,
+        /// What.
+        work: FlashWork,
+    },
+}
 
 /// From the firmware, at the beginning of each millisecond.
 // A message of the emulation, one at a time: boxes are neither possible nor useful.

@@ -247,6 +247,30 @@ fn loop_text(report: &LoopReport) -> String {
             );
         }
     }
+    for update in &report.updates {
+        let came = update.came.as_deref().unwrap_or("nothing");
+        text += &format!(
+            "\n  {} update {} at {:.1} s: {came}{}",
+            if update.met { "ok  " } else { "NOT " },
+            update.counter,
+            update.from_s,
+            update.after_s.map_or_else(String::new, |s| format!(" after {s:.2} s"))
+        );
+    }
+    for outage in &report.outages {
+        let seconds = |s: Option<f64>| s.map_or_else(|| "never".into(), |s| format!("{s:.2} s"));
+        text += &format!(
+            "\n  {} power lost at {:.2} s, byte {} of {}: {}; first output after {}, valid after {}; lost: {}",
+            if outage.met { "ok  " } else { "NOT " },
+            outage.at_s,
+            outage.byte,
+            outage.during,
+            outage.found.unwrap_or("neither old nor new"),
+            seconds(outage.first_output_s),
+            seconds(outage.valid_s),
+            if outage.lost.is_empty() { "nothing".into() } else { outage.lost.join(", ") }
+        );
+    }
     text
 }
 

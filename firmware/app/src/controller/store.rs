@@ -19,6 +19,7 @@ use kou_estimator::units::{Megapascal, Micros};
 use super::keep::{Due, KeepParams, Schedule};
 use super::note::{self, Note};
 use super::{Controller, Pace, STORE_PERIOD, now};
+use crate::apart::apart;
 use crate::faults::Code;
 use crate::j1939::CalibrationState;
 use crate::log::{info, warning};
@@ -169,7 +170,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
 
     async fn keep<'r, M: RawMutex, R: Record<'r>>(&mut self, controller: &Controller<M>, record: &R) {
         controller.set_writing(Some(R::KIND));
-        let result = self.service.keep(record).await;
+        let result = apart!(self.service.keep(record));
         controller.set_writing(None);
         told(controller, result);
     }

@@ -15,6 +15,7 @@ use sequential_storage::Error as FlashError;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
+use crate::apart::apart;
 use crate::log::warning;
 
 use super::record::{Copy, DecodeError, Fields, Fill, HEAD, Kind, Outgoing, Raw, Record, TAIL};
@@ -131,7 +132,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
     pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
-        let Some(raw) = self.newest_whole(R::KIND).await? else { return Ok(None) };
+        let Some(raw) = apart!(self.newest_whole(R::KIND))? else { return Ok(None) };
         raw.decode().map(Some).map_err(|error| match error {
             DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
             DecodeError::Body => StoreError::Body(R::KIND),
@@ -143,7 +144,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read.
     pub async fn read_body(&mut self, kind: Kind) -> Result<Option<&[u8]>, StoreError> {
-        Ok(self.newest_whole(kind).await?.map(|raw| raw.body))
+        Ok(apart!(self.newest_whole(kind))?.map(|raw| raw.body))
     }
 
     /// Writes a record, both copies. To be awaited to its end.
@@ -151,7 +152,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When it does not fit or the flash refuses. What was there before is then still there, or already replaced whole.
     pub async fn write<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
-        self.write_both(R::KIND, R::SCHEMA, &Fields(record)).await
+        apart!(self.write_both(R::KIND, R::SCHEMA, &Fields(record)))
     }
 
     /// Writes copies that are damaged, missing or older anew from the newer ones: at every start, and from time to time.
@@ -162,7 +163,7 @@ impl<F: NorFlash> Store<F> {
     pub async fn heal(&mut self, scratch: &mut [u8]) -> Result<Healed, StoreError> {
         let mut healed = Healed::default();
         for kind in Kind::ALL {
-            let [a, b] = [self.sequence(kind.key(Copy::A)).await?, self.sequence(kind.key(Copy::B)).await?];
+            let [a, b] = apart!(self.sequences(kind))?;
             let (from, to) = match (a, b) {
                 (None, Some(_)) => (Copy::B, Copy::A),
                 (Some(_), None) => (Copy::A, Copy::B),
@@ -174,7 +175,7 @@ impl<F: NorFlash> Store<F> {
             let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
             let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
             let Raw { schema, sequence, body, .. } = raw;
-            self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }).await?;
+            apart!(self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }))?;
             healed.copies = healed.copies.saturating_add(1);
             warning!("copy of record {} written anew", kind);
         }
@@ -192,7 +193,7 @@ impl<F: NorFlash> Store<F> {
 
     /// The newest record of a kind, not yet understood.
     async fn newest_whole(&mut self, kind: Kind) -> Result<Option<Raw<'_>>, StoreError> {
-        let Some((_, newest)) = self.newest(kind).await? else { return Ok(None) };
+        let Some((_, newest)) = apart!(self.newest(kind))? else { return Ok(None) };
         let key = kind.key(newest);
         let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
         // It was whole a moment ago; if it is not now, the flash is failing.
@@ -201,13 +202,13 @@ impl<F: NorFlash> Store<F> {
 
     /// Writes both copies of a record.
     async fn write_both(&mut self, kind: Kind, schema: u16, body: &dyn Fill) -> Result<(), StoreError> {
-        let newest = self.newest(kind).await?;
+        let newest = apart!(self.newest(kind))?;
         // The copy that is not the newest goes first: until it is whole, the newest is the record.
         let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
         let first = if last == Copy::A { Copy::B } else { Copy::A };
         let sequence = sequence.saturating_add(1);
         for copy in [first, last] {
-            self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }).await?;
+            apart!(self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }))?;
         }
         Ok(())
     }
@@ -219,7 +220,7 @@ impl<F: NorFlash> Store<F> {
         for _ in 0..ATTEMPTS {
             let stored = self.map.store_item(&mut self.buffer.0, &outgoing.key, outgoing).await;
             result = stored.map_err(StoreError::from);
-            if result.is_ok() && self.sequence(outgoing.key).await? != Some(outgoing.sequence) {
+            if result.is_ok() && apart!(self.sequence(outgoing.key))? != Some(outgoing.sequence) {
                 result = Err(StoreError::Corrupted);
             }
             if !matches!(result, Err(StoreError::Flash | StoreError::Corrupted)) {
@@ -240,9 +241,18 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
+    /// Sequence numbers of the copies that are whole.
+    async fn sequences(&mut self, kind: Kind) -> Result<[Option<u32>; 2], StoreError> {
+        let mut both = [None; 2];
+        for (copy, sequence) in [Copy::A, Copy::B].into_iter().zip(&mut both) {
+            *sequence = apart!(self.sequence(kind.key(copy)))?;
+        }
+        Ok(both)
+    }
+
     /// The newest copy and its sequence number.
     async fn newest(&mut self, kind: Kind) -> Result<Option<(u32, Copy)>, StoreError> {
-        let [a, b] = [self.sequence(kind.key(Copy::A)).await?, self.sequence(kind.key(Copy::B)).await?];
+        let [a, b] = apart!(self.sequences(kind))?;
         Ok(match (a, b) {
             (Some(a), Some(b)) if b > a => Some((b, Copy::B)),
             (Some(a), _) => Some((a, Copy::A)),

@@ -59,8 +59,11 @@ bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => embassy_stm32::can::IT1InterruptHandler<peripherals::FDCAN1>;
 });
 
-/// Tasks of three priorities share it.
-static CONTROLLER: Controller<CriticalSectionRawMutex> = Controller::new();
+/// What the tasks, of three priorities, share.
+type Shared = Controller<CriticalSectionRawMutex>;
+
+// Made at start: as a static with a value it would lie in flash as well, two kilobytes of it.
+static CONTROLLER: StaticCell<Shared> = StaticCell::new();
 
 /// Executors above the thread's, on interrupts of peripherals that the board does not use.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
@@ -96,29 +99,29 @@ type FlashRecords = Records<'static, Flash<'static, flash::Mode>, flash::Provisi
 static RECORDS: StaticCell<FlashRecords> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn sample(start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
-    run_sample(&CONTROLLER, start, &params, &mut front_end).await
+async fn sample(shared: &'static Shared, start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
+    run_sample(shared, start, &params, &mut front_end).await
 }
 
 #[embassy_executor::task]
-async fn estimate(start: Instant) {
-    run_estimate(&CONTROLLER, start).await
+async fn estimate(shared: &'static Shared, start: Instant) {
+    run_estimate(shared, start).await
 }
 
 #[embassy_executor::task]
-async fn publish(start: Instant, node: Node, port: can::Port) {
-    let mut to = Told { bus: Bus::new(port, node, &CONTROLLER), was_valid: None };
-    run_publish(&CONTROLLER, start, &mut to).await
+async fn publish(shared: &'static Shared, start: Instant, node: Node, port: can::Port) {
+    let mut to = Told { bus: Bus::new(port, node, shared), was_valid: None };
+    run_publish(shared, start, &mut to).await
 }
 
 #[embassy_executor::task]
-async fn store(start: Instant, begin: Begin, records: &'static mut FlashRecords) {
-    run_store(&CONTROLLER, start, begin, records).await
+async fn store(shared: &'static Shared, start: Instant, begin: Begin, records: &'static mut FlashRecords) {
+    run_store(shared, start, begin, records).await
 }
 
 #[embassy_executor::task]
-async fn supervise(start: Instant, mut keeper: Keeper) {
-    run_supervise(&CONTROLLER, start, &mut keeper).await
+async fn supervise(shared: &'static Shared, start: Instant, mut keeper: Keeper) {
+    run_supervise(shared, start, &mut keeper).await
 }
 
 /// Tells the bus, and the log when the estimates become valid and when they cease to be.
@@ -184,15 +187,20 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
         keeper::stop(format_args!("the records are open"))
     };
 
+    let Some(shared) = CONTROLLER.try_init_with(Controller::new) else {
+        keeper::stop(format_args!("the controller runs"))
+    };
+    let shared: &'static Shared = shared;
+
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
     let (highest, high) = (HIGHEST.start(interrupt::UART4), HIGH.start(interrupt::UART5));
     let start = Instant::now();
-    highest.spawn(sample(start, params, front_end)?);
-    high.spawn(estimate(start)?);
-    spawner.spawn(publish(start, Node::new(name, ADDRESS), port)?);
-    spawner.spawn(store(start, begin, records)?);
-    spawner.spawn(supervise(start, keeper)?);
+    highest.spawn(sample(shared, start, params, front_end)?);
+    high.spawn(estimate(shared, start)?);
+    spawner.spawn(publish(shared, start, Node::new(name, ADDRESS), port)?);
+    spawner.spawn(store(shared, start, begin, records)?);
+    spawner.spawn(supervise(shared, start, keeper)?);
     Ok(())
 }
 

@@ -3,17 +3,30 @@
 //! Once in a millisecond, when the sampling task asks for the edges, one message goes to the host and one comes back; the
 //! converter's transactions of that millisecond are in it already, because the task asks for the same inputs each time.
 //! The driver still clocks its own bytes: a transaction that was not foreseen fails.
+//!
+//! The flash is the host's as well. Its operations are exchanged at once, with interrupts off, since both kinds of message
+//! share the line; the time that the hardware would take is waited for afterwards, and other tasks run meanwhile, as they
+//! would beside the second bank of an STM32G474.
 
 use core::cell::RefCell;
 
 use critical_section::Mutex;
+use embassy_time::{Duration, Timer as Wait};
 use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use heapless::{Deque, Vec};
 use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
 use kou_app::j1939::{Frame, Id};
-use kou_app::rig::{CanFrame, FromHost, MAX_LEN, Order, ToHost, pack, unpack};
+use kou_app::rig::{
+    Begin, CanFrame, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork, FromHost, MAX_LEN, Order, Said, ToHost,
+    pack, unpack,
+};
 use kou_app::sensors::pickup::Edges;
 use kou_app::sensors::set::CHANNELS;
+use kou_app::storage::{Kind, ram};
+use kou_app::update::{Key, KeySource};
+use embedded_storage_async::nor_flash::{
+    ErrorType as FlashErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Write};
 
@@ -80,15 +93,119 @@ impl Line {
         buffer.get(..length)
     }
 
-    /// The calibration record with which the host begins; empty for none.
-    pub fn calibration<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<&'a [u8]> {
-        unpack(self.receive(buffer)?).map(|(record, _)| record)
+    /// The message with which the host begins.
+    pub fn begin<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<Begin<'a>> {
+        unpack(self.receive(buffer)?).map(|(begin, _)| begin)
+    }
+
+    /// Hands the line over to the timer and the flash, which share it.
+    pub fn share(self) {
+        critical_section::with(|cs| *LINE.borrow_ref_mut(cs) = Some(self));
+    }
+}
+
+static LINE: Mutex<RefCell<Option<Line>>> = Mutex::new(RefCell::new(None));
+
+/// One message out, one in. Interrupts are off meanwhile, and time stands still in the host's turn.
+fn ask<T: serde::de::DeserializeOwned>(said: &Said) -> Option<T> {
+    critical_section::with(|cs| {
+        let mut line = LINE.borrow_ref_mut(cs);
+        let line = line.as_mut()?;
+        let mut buffer = [0; MAX_LEN];
+        line.to_host.write_all(pack(said, &mut buffer)?).ok()?;
+        unpack(line.receive(&mut buffer)?).map(|(answer, _)| answer)
+    })
+}
+
+/// The flash, whose cells are the host's.
+pub struct Flash {
+    writing: fn() -> Option<Kind>,
+}
+
+/// The host has refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
+pub struct FlashRefused;
+
+impl NorFlashError for FlashRefused {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+/// Time that an STM32G474 takes for a word and for a page, as its data sheet says.
+const WORD_TIME: Duration = Duration::from_micros(85);
+const PAGE_TIME: Duration = Duration::from_millis(22);
+
+impl Flash {
+    /// A flash; `writing` says which record is being written, for the host to aim its power cuts at.
+    #[must_use]
+    pub const fn new(writing: fn() -> Option<Kind>) -> Self {
+        Self { writing }
+    }
+
+    fn work(&self, work: FlashWork) -> Result<Vec<u8, FLASH_CHUNK>, FlashRefused> {
+        let of = (self.writing)().map(|kind| kind as u8);
+        let Some(done) = ask::<FlashDone>(&Said::Flash { of, work }) else { Exit::HostGone.now() };
+        done.ok_or(FlashRefused)
+    }
+}
+
+impl FlashErrorType for Flash {
+    type Error = FlashRefused;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashRefused> {
+        for (at, chunk) in (offset..).step_by(FLASH_CHUNK).zip(bytes.chunks_mut(FLASH_CHUNK)) {
+            let length = u16::try_from(chunk.len()).map_err(|_| FlashRefused)?;
+            let read = self.work(FlashWork::Read { offset: at, length })?;
+            for (byte, from) in chunk.iter_mut().zip(&read) {
+                *byte = *from;
+            }
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        FLASH_LEN
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = ram::WORD;
+    const ERASE_SIZE: usize = FLASH_PAGE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashRefused> {
+        self.work(FlashWork::Erase { from, to })?;
+        let pages = to.saturating_sub(from) / FLASH_PAGE as u32;
+        Wait::after(PAGE_TIME * pages).await;
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashRefused> {
+        for (at, chunk) in (offset..).step_by(FLASH_CHUNK).zip(bytes.chunks(FLASH_CHUNK)) {
+            let words = u32::try_from(chunk.len() / ram::WORD).map_err(|_| FlashRefused)?;
+            let bytes = Vec::from_slice(chunk).map_err(|_| FlashRefused)?;
+            self.work(FlashWork::Write { offset: at, bytes })?;
+            Wait::after(WORD_TIME * words).await;
+        }
+        Ok(())
+    }
+}
+
+/// The key that the host gave.
+pub struct HostKey(pub Option<[u8; 32]>);
+
+impl KeySource for HostKey {
+    fn update_key(&self) -> Option<Key> {
+        self.0.map(Key::new)
     }
 }
 
 /// The stamping timer, and with it the exchange.
 pub struct Timer<F> {
-    line: Line,
     tick: u32,
     asks: Vec<[u8; 3], CHANNELS>,
     tell: F,
@@ -96,8 +213,8 @@ pub struct Timer<F> {
 
 impl<F: FnMut(&mut ToHost)> Timer<F> {
     /// A timer that asks the converter for `asks` each time, and lets `tell` fill in what else the host is told.
-    pub fn new(line: Line, asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
-        Self { line, tick: 0, asks, tell }
+    pub fn new(asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
+        Self { tick: 0, asks, tell }
     }
 
     fn exchange(&mut self) -> Option<FromHost> {
@@ -122,9 +239,7 @@ impl<F: FnMut(&mut ToHost)> Timer<F> {
                 }
             }
         });
-        let mut buffer = [0; MAX_LEN];
-        self.line.to_host.write_all(pack(&message, &mut buffer)?).ok()?;
-        unpack(self.line.receive(&mut buffer)?).map(|(answer, _)| answer)
+        ask(&Said::Tick(message))
     }
 }
 

@@ -10,16 +10,21 @@
 //! comes from the scenario's seed, so the same scenario gives the same bits.
 
 mod bus;
+mod flash;
+mod law;
+mod outage;
 mod parts;
 mod rig;
 mod scenario;
+mod tool;
 mod vehicle;
 mod verdict;
 
 use std::time::Instant;
 
 use kou_app::controller::VitalsRead;
-use kou_app::rig::{FromHost, Order};
+use kou_app::rig::{Begin, FromHost, Order};
+use kou_app::storage::ResetCause;
 use kou_estimator::Calibration;
 use serde::Serialize;
 
@@ -27,9 +32,13 @@ use crate::input::InputError;
 use crate::machine::Machine;
 
 pub use bus::{Bus, Traffic};
+pub use flash::{Flash, Kept};
+pub use law::{LawFinding, LawWatch};
+pub use outage::{OutageFinding, Outages, SETTLED_S};
 pub use parts::Parts;
-pub use rig::Rig;
+pub use rig::{Heard, Rig};
 pub use scenario::{Command, Kind, Scenario, Sensor};
+pub use tool::{Tool, UpdateFinding, key_of};
 pub use vehicle::{Truth, Vehicle};
 pub use verdict::{Finding, Verdict};
 
@@ -69,6 +78,16 @@ pub struct LoopReport {
     pub outputs_crc32: u32,
     /// What was expected and what came.
     pub findings: Vec<Finding>,
+    /// Failures of the supply, and what was found afterwards.
+    pub outages: Vec<OutageFinding>,
+    /// Calibration updates, and what came of them.
+    pub updates: Vec<UpdateFinding>,
+    /// Which calibration the outputs were made with.
+    pub law: LawFinding,
+    /// Troubles in flash at the end, and how often each occurred.
+    pub troubles: Vec<(String, u8)>,
+    /// Pages of flash erased.
+    pub erasures: u64,
     /// What was on the bus.
     pub bus: Traffic,
     /// Missed deadlines of all tasks.
@@ -77,15 +96,16 @@ pub struct LoopReport {
     pub latest_us: u32,
     /// Longest turn of each task, us: sample, estimate, publish, store, supervise.
     pub longest_us: [u32; 5],
-    /// Turns of each task.
+    /// Turns of each task since the last start.
     pub turns: [u32; 5],
     /// Deepest stack, bytes.
     pub stack_bytes: u32,
-    /// Whether every expectation was met, no deadline missed, and the firmware ended because it was told to.
+    /// Whether every expectation was met, nothing that was kept was lost, every update came to what was expected, no
+    /// deadline was missed, and the firmware ended because it was told to.
     pub passed: bool,
 }
 
-/// Drives the firmware through a scenario.
+/// Drives the firmware through a scenario. `record` is that of the default calibration; empty for none.
 ///
 /// # Errors
 /// Bad input, a vehicle that cannot be simulated, or a firmware that ends before it is told to: an unasked reset.
@@ -97,57 +117,154 @@ pub fn run(
     scenario: &Scenario,
     mut progress: impl FnMut(u64),
 ) -> Result<LoopReport, LoopError> {
-    let mut vehicle = Vehicle::new(machine, calibration, scenario)?;
-    let mut parts = Parts::new(scenario);
-    let mut verdict = Verdict::new(scenario);
-    let mut bus = Bus::new(scenario);
-    let mut rig = Rig::start(options, record)?;
-    let begin = Instant::now();
-    let mut last: Option<([VitalsRead; 5], u32)> = None;
+    let mut run = Run::new(machine, calibration, scenario)?;
+    let begin = Begin {
+        default: record,
+        key: Some(key_of(scenario)),
+        cause: ResetCause::PowerOn,
+        note: None,
+        keep_s: scenario.keep_s,
+    };
+    let mut rig = Some(Rig::start(options, &begin)?);
+    let started = Instant::now();
+    let mut back_ms = 0;
     let milliseconds = (scenario.duration_s * 1000.0).round() as u64;
     for ms in 1..=milliseconds {
+        if rig.is_none() && ms >= back_ms {
+            rig = Some(Rig::start(options, &Begin { cause: ResetCause::BrownOut, ..begin.clone() })?);
+        }
         let time_s = ms as f64 * 1e-3;
-        let truth = vehicle.millisecond(&scenario.command(time_s))?;
-        let signals = parts.millisecond(time_s, &truth);
-        let asked = rig.receive()?;
-        if let Some(output) = &asked.output {
-            verdict.judge(time_s, &truth, output, asked.sample.as_ref());
+        if let Some(off_s) = run.millisecond(time_s, &scenario.command(time_s), rig.as_mut())? {
+            back_ms = ms + (off_s * 1000.0).round() as u64;
+            rig = None;
         }
-        if let Some(vitals) = asked.vitals {
-            last = Some((vitals, asked.stack_bytes));
-        }
-        let spi = asked.spi.iter().map(|request| signals.answer(*request)).collect();
-        rig.send(&FromHost {
-            spi,
-            count: signals.count,
-            pump: signals.pump,
-            motor: signals.motor,
-            can: bus.millisecond(time_s, &asked.can),
-            order: Order::Run,
-        })?;
         if ms.is_multiple_of(1000) {
             progress(1000);
         }
     }
-    let elapsed_s = begin.elapsed().as_secs_f64().max(f64::MIN_POSITIVE);
-    rig.stop()?;
-    let (vitals, stack_bytes) = last.unwrap_or_default();
-    let missed_deadlines = vitals.iter().map(|vital| u64::from(vital.missed)).sum();
-    let findings = verdict.findings();
-    Ok(LoopReport {
-        scenario: scenario.name.clone(),
-        simulated_s: scenario.duration_s,
-        real_time_factor: scenario.duration_s / elapsed_s,
-        outputs: verdict.outputs(),
-        valid: verdict.valid(),
-        outputs_crc32: verdict.crc32(),
-        passed: missed_deadlines == 0 && findings.iter().all(|finding| finding.met),
-        findings,
-        bus: bus.traffic(),
-        missed_deadlines,
-        latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
-        longest_us: vitals.map(|vital| vital.longest_us),
-        turns: vitals.map(|vital| vital.turns),
-        stack_bytes,
-    })
+    let elapsed_s = started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE);
+    if let Some(rig) = rig {
+        rig.stop(&mut run.flash)?;
+    }
+    Ok(run.report(scenario, elapsed_s))
+}
+
+/// Everything around the controller.
+struct Run {
+    vehicle: Vehicle,
+    parts: Parts,
+    verdict: Verdict,
+    bus: Bus,
+    tool: Tool,
+    flash: Flash,
+    outages: Outages,
+    law: LawWatch,
+    /// Of the present run of the firmware, and missed deadlines of those before.
+    last: ([VitalsRead; 5], u32),
+    missed_before: u64,
+}
+
+impl Run {
+    fn new(machine: &Machine, calibration: &Calibration, scenario: &Scenario) -> Result<Self, LoopError> {
+        Ok(Self {
+            vehicle: Vehicle::new(machine, calibration, scenario)?,
+            parts: Parts::new(scenario),
+            verdict: Verdict::new(scenario),
+            bus: Bus::new(scenario),
+            tool: Tool::new(scenario, calibration)?,
+            flash: Flash::default(),
+            outages: Outages::new(scenario, calibration),
+            law: LawWatch::new(calibration),
+            last: Default::default(),
+            missed_before: 0,
+        })
+    }
+
+    /// One millisecond, of which the controller takes part while it has power. When its supply fails: for how long, s.
+    fn millisecond(
+        &mut self,
+        time_s: f64,
+        command: &Command,
+        rig: Option<&mut Rig>,
+    ) -> Result<Option<f64>, LoopError> {
+        let truth = self.vehicle.millisecond(command)?;
+        let signals = self.parts.millisecond(time_s, &truth);
+        let Some(rig) = rig else {
+            let others = self.tool.millisecond(time_s, &[]);
+            drop((others, self.bus.millisecond(time_s, &[])));
+            return Ok(None);
+        };
+        self.outages.millisecond(time_s, &mut self.flash);
+        let asked = match rig.receive(&mut self.flash)? {
+            Heard::Tick(asked) => asked,
+            Heard::NoPower => {
+                self.missed_before = self.missed_deadlines();
+                self.last = Default::default();
+                return Ok(Some(self.outages.fails(time_s, &mut self.flash)));
+            }
+        };
+        if let Some(output) = &asked.output {
+            self.verdict.judge(time_s, &truth, output, asked.sample.as_ref());
+            self.outages.told(time_s, output);
+            self.law.watch(output, asked.sample.as_ref(), &self.tool);
+        }
+        if let Some(vitals) = asked.vitals {
+            self.last = (vitals, asked.stack_bytes);
+        }
+        let mut can = self.bus.millisecond(time_s, &asked.can);
+        if let Some(frame) = self.tool.millisecond(time_s, &asked.can) {
+            // On a bus that others fill the tool must wait as anybody must; it then falls silent.
+            can.push(frame).ok();
+        }
+        rig.send(&FromHost {
+            spi: asked.spi.iter().map(|request| signals.answer(*request)).collect(),
+            count: signals.count,
+            pump: signals.pump,
+            motor: signals.motor,
+            can,
+            order: Order::Run,
+        })?;
+        Ok(None)
+    }
+
+    fn missed_deadlines(&self) -> u64 {
+        self.missed_before + self.last.0.iter().map(|vital| u64::from(vital.missed)).sum::<u64>()
+    }
+
+    fn report(&self, scenario: &Scenario, elapsed_s: f64) -> LoopReport {
+        let (vitals, stack_bytes) = self.last;
+        let findings = self.verdict.findings();
+        let (outages, updates, law) = (self.outages.findings(), self.tool.findings(), self.law.finding());
+        let missed_deadlines = self.missed_deadlines();
+        let passed = missed_deadlines == 0
+            && findings.iter().all(|finding| finding.met)
+            && outages.iter().all(|finding| finding.met)
+            && updates.iter().all(|finding| finding.met)
+            && law.foreign == 0;
+        let faults = Kept::of(self.flash.cells()).ok().and_then(|kept| kept.faults);
+        let troubles = faults.iter().flat_map(|memory| memory.entries());
+        LoopReport {
+            scenario: scenario.name.clone(),
+            simulated_s: scenario.duration_s,
+            real_time_factor: scenario.duration_s / elapsed_s,
+            outputs: self.verdict.outputs(),
+            valid: self.verdict.valid(),
+            outputs_crc32: self.verdict.crc32(),
+            passed,
+            findings,
+            outages,
+            updates,
+            law,
+            troubles: troubles
+                .map(|entry| (entry.code().map_or_else(String::new, |c| format!("{c:?}")), entry.occurrences))
+                .collect(),
+            erasures: self.flash.cells().erasures() as u64,
+            bus: self.bus.traffic(),
+            missed_deadlines,
+            latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
+            longest_us: vitals.map(|vital| vital.longest_us),
+            turns: vitals.map(|vital| vital.turns),
+            stack_bytes,
+        }
+    }
 }

@@ -5,15 +5,27 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use kou_app::rig::{FromHost, MAX_LEN, Order, ToHost, pack, unpack};
+use kou_app::rig::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
 use tempfile::TempDir;
 
 use super::super::qemu::Qemu;
 use super::super::session::{make_fifos, read_in_background, write_in_background};
 use super::super::{PilError, PilOptions, Printed};
+use super::flash::{Done, Flash};
 
 /// How often a wait looks whether QEMU still runs.
 const GLANCE: Duration = Duration::from_millis(100);
+
+/// What the firmware comes with.
+// One at a time.
+#[allow(clippy::large_enum_variant, reason = "there is one at a time")]
+#[derive(Debug)]
+pub enum Heard {
+    /// Its next millisecond.
+    Tick(ToHost),
+    /// Nothing more: its supply has failed in the middle of a write to flash.
+    NoPower,
+}
 
 /// A controller that runs. Dropped, it is ended the hard way.
 pub struct Rig {
@@ -28,11 +40,11 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Starts the firmware with a calibration record; an empty one for none.
+    /// Starts the firmware.
     ///
     /// # Errors
     /// When QEMU or the firmware is missing or does not start.
-    pub fn start(options: &PilOptions, record: &[u8]) -> Result<Self, PilError> {
+    pub fn start(options: &PilOptions, begin: &Begin<'_>) -> Result<Self, PilError> {
         let doing = PilError::system;
         let directory = tempfile::Builder::new()
             .prefix("kou-rig-")
@@ -59,18 +71,33 @@ impl Rig {
             _directory: directory,
         };
         let mut buffer = [0; MAX_LEN];
-        let bytes = pack(&record, &mut buffer).unwrap_or_default().to_vec();
+        let bytes = pack(begin, &mut buffer).unwrap_or_default().to_vec();
         if rig.outgoing.send(bytes).is_err() {
             return Err(PilError::Ended { code: None, printed: Printed::default() });
         }
         Ok(rig)
     }
 
-    /// Waits for the firmware's next millisecond.
+    /// Waits for the firmware's next millisecond, and does what it asks of its flash until then.
     ///
     /// # Errors
     /// When the firmware ends or falls silent.
-    pub fn receive(&mut self) -> Result<ToHost, PilError> {
+    pub fn receive(&mut self, flash: &mut Flash) -> Result<Heard, PilError> {
+        loop {
+            match self.said()? {
+                Said::Tick(message) => return Ok(Heard::Tick(message)),
+                Said::Flash { of, work } => match flash.work(of, &work) {
+                    Done::Answer(answer) => self.answer::<FlashDone>(&answer)?,
+                    Done::NoPower => {
+                        self.qemu.kill();
+                        return Ok(Heard::NoPower);
+                    }
+                },
+            }
+        }
+    }
+
+    fn said(&mut self) -> Result<Said, PilError> {
         let start = Instant::now();
         loop {
             if let Some((message, used)) = unpack(&self.pending) {
@@ -97,6 +124,10 @@ impl Rig {
     /// # Errors
     /// When the firmware has ended.
     pub fn send(&mut self, message: &FromHost) -> Result<(), PilError> {
+        self.answer(message)
+    }
+
+    fn answer<T: serde::Serialize>(&mut self, message: &T) -> Result<(), PilError> {
         let mut buffer = [0; MAX_LEN];
         let bytes = pack(message, &mut buffer).unwrap_or_default().to_vec();
         if self.outgoing.send(bytes).is_ok() { Ok(()) } else { Err(self.gone()) }
@@ -106,8 +137,12 @@ impl Rig {
     ///
     /// # Errors
     /// When it does not end as it was told.
-    pub fn stop(mut self) -> Result<(), PilError> {
-        self.receive()?;
+    pub fn stop(mut self, flash: &mut Flash) -> Result<(), PilError> {
+        while !matches!(self.said()?, Said::Tick(_)) {
+            // The run is over: what it was about to write is not judged any more, but must not be cut either.
+            flash.power_on();
+            self.answer::<FlashDone>(&None)?;
+        }
         self.send(&FromHost {
             spi: heapless::Vec::new(),
             count: 0,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use kou_app::storage::Kind as RecordKind;
 use serde::Deserialize;
 
 use crate::input::{InputError, Range, TomlFile};
@@ -110,6 +111,47 @@ pub struct Babble {
     pub frames_per_ms: u32,
 }
 
+/// The supply fails in the middle of a write to flash, and comes back.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PowerCut {
+    /// In the first write of the record after then, s.
+    pub from_s: f64,
+    /// Which record: `calibration`, `health`, `faults`, `life`, `update_counter`.
+    pub during: String,
+    /// After how many bytes of the write, both copies and what moves for them counted.
+    pub byte: usize,
+    /// How long the supply is away, s.
+    #[serde(default = "third")]
+    pub off_s: f64,
+}
+
+const fn third() -> f64 {
+    0.3
+}
+
+/// A calibration update over the bus.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Update {
+    /// Begun then, or when the one before has ended, s.
+    pub from_s: f64,
+    /// Its counter.
+    pub counter: u32,
+    /// Added to the constant coefficient of the law, (L/min)/MPa.
+    pub law_c: f64,
+    /// Whether the tool has a wrong key.
+    #[serde(default)]
+    pub wrong_key: bool,
+    /// Whether the calibration is for another machine.
+    #[serde(default)]
+    pub other_machine: bool,
+    /// What must come of it: `committed`, the name of a refusal, or `silence`.
+    pub expect: String,
+    /// Within that time, s.
+    pub within_s: f64,
+}
+
 /// What the estimates must be over a time.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -156,6 +198,16 @@ struct File {
     babble: Vec<Babble>,
     #[serde(default)]
     expect: Vec<Expect>,
+    #[serde(default)]
+    power_cut: Vec<PowerCut>,
+    #[serde(default)]
+    update: Vec<Update>,
+    #[serde(default = "minutes")]
+    keep_s: u32,
+}
+
+const fn minutes() -> u32 {
+    600
 }
 
 /// A scenario.
@@ -177,6 +229,12 @@ pub struct Scenario {
     pub babble: Vec<Babble>,
     /// Expectations.
     pub expects: Vec<Expect>,
+    /// Failures of the supply, in the order of time.
+    pub power_cuts: Vec<PowerCut>,
+    /// Calibration updates, in the order of time.
+    pub updates: Vec<Update>,
+    /// Time between two writes of learned health and of the hours, s.
+    pub keep_s: u32,
 }
 
 impl Scenario {
@@ -229,6 +287,16 @@ impl Scenario {
         for babble in &raw.babble {
             span("babble", babble.from_s, babble.until_s)?;
         }
+        for cut in &raw.power_cut {
+            span("power_cut", cut.from_s, cut.from_s + cut.off_s)?;
+            if !RecordKind::ALL.iter().any(|kind| kind.name() == cut.during) {
+                return Err(file.error_at("power_cut", "names no record").with_value(&cut.during));
+            }
+        }
+        for update in &raw.update {
+            span("update", update.from_s, update.from_s + update.within_s)?;
+        }
+        file.check("keep_s", f64::from(raw.keep_s), Range::new(1.0, 86_400.0, "s"))?;
         for expect in &raw.expect {
             span("expect", expect.from_s + expect.after_s, expect.until_s)?;
         }
@@ -241,6 +309,9 @@ impl Scenario {
             failures: raw.failure,
             babble: raw.babble,
             expects: raw.expect,
+            power_cuts: raw.power_cut,
+            updates: raw.update,
+            keep_s: raw.keep_s,
         })
     }
 

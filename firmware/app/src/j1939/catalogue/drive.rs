@@ -22,7 +22,8 @@ pub const ETC1: Message = Message {
     sender: Sender::Drive,
     signals: &[OUTPUT_SHAFT_SPEED, INPUT_SHAFT_SPEED],
     comment: "Electronic Transmission Controller 1: shaft speeds",
-};
+}
+.carried();
 
 /// Pressure of the high line.
 pub const HYDRAULIC_PRESSURE: Signal =
@@ -37,7 +38,8 @@ pub const HPG: Message = Message {
     sender: Sender::Drive,
     signals: &[HYDRAULIC_PRESSURE],
     comment: "Hydraulic Pressure Governor Information: pressure of the high line",
-};
+}
+.carried();
 
 /// Oil temperature.
 pub const OIL_TEMPERATURE: Signal =
@@ -52,4 +54,5 @@ pub const TRF1: Message = Message {
     sender: Sender::Drive,
     signals: &[OIL_TEMPERATURE],
     comment: "Transmission Fluids 1: oil temperature",
-};
+}
+.carried();

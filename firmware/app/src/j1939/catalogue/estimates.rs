@@ -38,7 +38,8 @@ pub const LEAKAGE: Message = Message {
     sender: Sender::Kou,
     signals: &[KOU_EXPECTED, KOU_EXPECTED_SE, KOU_SEEN, KOU_SEEN_SE],
     comment: "Leakage coefficients; where not available, KouValidity says why",
-};
+}
+.carried();
 
 /// Volumetric efficiency by law and reduced model.
 pub const EFFICIENCY_EXPECTED: Signal = word(
@@ -80,7 +81,8 @@ pub const EFFICIENCY: Message = Message {
     sender: Sender::Kou,
     signals: &[EFFICIENCY_EXPECTED, EFFICIENCY_SEEN, FLOW_EXPECTED, FLOW_SEEN],
     comment: "Volumetric efficiency and leakage flow, expected and seen",
-};
+}
+.carried();
 
 /// Names of the reasons. Zero is valid; [`crate::j1939::publish::reason_code`] gives the numbers.
 pub const REASONS: &[(u32, &str)] = &[
@@ -171,7 +173,8 @@ pub const VALIDITY: Message = Message {
         ESTIMATE_COUNTER,
     ],
     comment: "Whether the estimates are valid, and why not",
-};
+}
+.carried();
 
 /// Names of the stages of a trouble.
 pub const STAGES: &[(u32, &str)] = &[(0, "absent"), (1, "pending"), (2, "confirmed"), (3, "healed")];
@@ -212,7 +215,8 @@ pub const HEALTH: Message = Message {
     sender: Sender::Kou,
     signals: &[LEVEL, LEVEL_SE, RATIO_OFFSET, WEAR_STAGE, SENSOR_STAGE, GATE],
     comment: "What has been learned of the machine while driving",
-};
+}
+.carried();
 
 /// Names of where the calibration comes from.
 pub const SOURCES: &[(u32, &str)] = &[(0, "none"), (1, "default"), (2, "stored")];
@@ -241,4 +245,5 @@ pub const STATUS: Message = Message {
     sender: Sender::Kou,
     signals: &[CALIBRATION_CRC, CALIBRATION_SOURCE, CHANGES, CAUSES],
     comment: "Calibration in use, and what the last change may have been",
-};
+}
+.carried();

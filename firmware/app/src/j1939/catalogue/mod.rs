@@ -21,7 +21,7 @@ use super::signal::{Coding, Message, Signal};
 
 const fn plain(name: &'static str, start: u8, length: u8, comment: &'static str) -> Signal {
     Signal {
-        name,
+        name: text(name),
         spn: None,
         start,
         length,
@@ -30,7 +30,19 @@ const fn plain(name: &'static str, start: u8, length: u8, comment: &'static str)
         offset: 0.0,
         unit: "",
         values: &[],
-        comment,
+        comment: text(comment),
+    }
+}
+
+/// Texts are for the DBC file, which the host writes: firmware does without their kilobytes.
+const fn text(text: &'static str) -> &'static str {
+    if cfg!(target_os = "none") { "" } else { text }
+}
+
+impl Message {
+    /// The message as firmware carries it: without what only the DBC file tells. On the host, whole.
+    const fn carried(self) -> Self {
+        if cfg!(target_os = "none") { Self { name: "", signals: &[], comment: "", ..self } } else { self }
     }
 }
 
@@ -41,6 +53,7 @@ const fn state(
     values: &'static [(u32, &'static str)],
     comment: &'static str,
 ) -> Signal {
+    let values = if cfg!(target_os = "none") { &[] } else { values };
     Signal { coding: Coding::State, values, ..plain(name, start, length, comment) }
 }
 
@@ -53,7 +66,7 @@ const fn word(
     unit: &'static str,
     comment: &'static str,
 ) -> Signal {
-    Signal { coding: Coding::Measured, scale, offset, unit, ..plain(name, 8 * byte, 16, comment) }
+    Signal { coding: Coding::Measured, scale, offset, unit: text(unit), ..plain(name, 8 * byte, 16, comment) }
 }
 
 const fn with_spn(signal: Signal, spn: u32) -> Signal {

@@ -16,7 +16,8 @@ pub const REQUEST: Message = Message {
     sender: Sender::Tool,
     signals: &[REQUESTED_PGN],
     comment: "Request for a parameter group: DM1, DM2, AddressClaimed",
-};
+}
+.carried();
 /// Kind of an acknowledgement.
 pub const ACK_CONTROL: Signal = Signal {
     values: &[(0, "positive"), (1, "negative"), (2, "access denied"), (3, "cannot respond")],
@@ -36,7 +37,8 @@ pub const ACKNOWLEDGEMENT: Message = Message {
     sender: Sender::Kou,
     signals: &[ACK_CONTROL, ACK_ADDRESS, ACK_PGN],
     comment: "Answer to a request for a group that this controller does not send",
-};
+}
+.carried();
 /// Address claim, or "cannot claim" from the null address.
 pub const ADDRESS_CLAIMED: Message = Message {
     name: "AddressClaimed",
@@ -57,7 +59,8 @@ pub const ADDRESS_CLAIMED: Message = Message {
         with_spn(plain("ArbitraryAddressCapable", 63, 1, "Can take another address"), 2844),
     ],
     comment: "Name of the controller that uses the source address",
-};
+}
+.carried();
 /// Control byte of the transport protocol's connection management.
 pub const TP_CONTROL: Signal =
     Signal { values: &[(32, "BAM")], ..plain("TpControl", 0, 8, "32: announcement of a message to all") };
@@ -77,7 +80,8 @@ pub const TP_CM: Message = Message {
     sender: Sender::Kou,
     signals: &[TP_CONTROL, TP_SIZE, TP_PACKETS, TP_PGN],
     comment: "Announces a message of more than eight bytes",
-};
+}
+.carried();
 /// Number of the packet.
 pub const TP_SEQUENCE: Signal = plain("TpSequence", 0, 8, "Number of the packet, from 1");
 /// Transport protocol, data.
@@ -99,4 +103,5 @@ pub const TP_DT: Message = Message {
         plain("TpByte7", 56, 8, "Seventh byte"),
     ],
     comment: "Seven bytes of an announced message, filled up with 255",
-};
+}
+.carried();

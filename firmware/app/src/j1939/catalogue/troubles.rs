@@ -51,7 +51,8 @@ pub const DM1: Message = Message {
     sender: Sender::Kou,
     signals: TROUBLE_SIGNALS,
     comment: "Active troubles: at most one; with more, the list goes by transport protocol",
-};
+}
+.carried();
 /// Previously active troubles, likewise.
 pub const DM2: Message = Message {
     name: "DM2",
@@ -59,4 +60,5 @@ pub const DM2: Message = Message {
     period_ms: 0,
     comment: "Previously active troubles, on request; with more than one by transport protocol",
     ..DM1
-};
+}
+.carried();

@@ -41,7 +41,8 @@ pub const UPDATE_COMMAND: Message = Message {
         ..plain("Command", 0, 8, "What the tool wants")
     }),
     comment: "Step of a calibration update or reading, to the controller",
-};
+}
+.carried();
 /// The controller's answer in a calibration update. Proprietary A.
 pub const UPDATE_ANSWER: Message = Message {
     name: "KouUpdateAnswer",
@@ -49,4 +50,5 @@ pub const UPDATE_ANSWER: Message = Message {
     signals: &update_signals(Signal { values: UPDATE_ANSWERS, ..plain("Answer", 0, 8, "What became of it") }),
     comment: "Answer to a step of a calibration update or reading, to the tool",
     ..UPDATE_COMMAND
-};
+}
+.carried();

@@ -13,19 +13,20 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Bus, Controller, NoEstimate, Sampler, Store, run_estimate, run_publish, run_sample, run_store,
+    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper, Sampler, run_estimate, run_publish, run_sample, run_store,
     run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
-use kou_app::rig::{MAX_LEN, ToHost};
+use kou_app::rig::{FLASH_LEN, MAX_LEN, ToHost};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
-use kou_estimator::calibration::record;
+use kou_app::storage::Store;
+use kou_app::update::Service;
 use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Params};
 use kou_qemu_mps2_an386::exit::Exit;
-use kou_qemu_mps2_an386::rig::{Can, Dog, Line, Spi, Timer};
+use kou_qemu_mps2_an386::rig::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
+use static_cell::{ConstStaticCell, StaticCell};
 
 static CONTROLLER: Controller<CriticalSectionRawMutex> = Controller::new();
 static FED: AtomicU32 = AtomicU32::new(0);
@@ -40,6 +41,12 @@ const VITALS_TURNS: u32 = 1000;
 
 type FrontEnd = Sampler<Mcp3208<Spi>, Timer<fn(&mut ToHost)>>;
 
+type Records = Keeper<'static, Flash, HostKey>;
+
+static RECORDS: StaticCell<Records> = StaticCell::new();
+/// The first message, whose calibration stays there.
+static FIRST: ConstStaticCell<[u8; MAX_LEN]> = ConstStaticCell::new([0; MAX_LEN]);
+
 #[embassy_executor::task]
 async fn sample(start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
     run_sample(&CONTROLLER, start, &params, &mut front_end).await
@@ -53,24 +60,17 @@ async fn estimate(start: Instant) {
 #[embassy_executor::task]
 async fn publish(start: Instant) {
     let Ok(name) = Name::new(&NameConfig::transmission(SERIAL)) else { Exit::Spawn.now() };
-    run_publish(&CONTROLLER, start, &mut Bus::new(Can::new(), Node::new(name, ADDRESS))).await
+    run_publish(&CONTROLLER, start, &mut Bus::new(Can::new(), Node::new(name, ADDRESS), &CONTROLLER)).await
 }
 
 #[embassy_executor::task]
-async fn store(start: Instant) {
-    run_store(&CONTROLLER, start, &mut Nobody).await
+async fn store(start: Instant, begin: Begin, records: &'static mut Records) {
+    run_store(&CONTROLLER, start, begin, records).await
 }
 
 #[embassy_executor::task]
 async fn supervise(start: Instant) {
     run_supervise(&CONTROLLER, start, &mut Dog::new(&FED)).await
-}
-
-/// No flash yet.
-struct Nobody;
-
-impl Store for Nobody {
-    async fn keep(&mut self, _: &Result<Estimate, NoEstimate>) {}
 }
 
 /// What the host is told beside what the hardware needs.
@@ -90,30 +90,30 @@ fn tell(message: &mut ToHost) {
 static STACK: AtomicU32 = AtomicU32::new(0);
 const STACK_PERIOD: Duration = Duration::from_millis(500);
 
-/// Parameters of the record with which the host begins.
-// Not inlined: its temporaries are large, and inlined they would live in the task for good.
-#[inline(never)]
-fn calibration(line: &mut Line) -> Option<Params> {
-    let mut buffer = [0; MAX_LEN];
-    let calibration = record::decode(line.calibration(&mut buffer)?).ok()?;
-    Params::new(&calibration).ok()
+/// Everything that is kept, and why this run begins, from the host's first message.
+fn records(line: &mut Line) -> Option<(Begin, &'static mut Records)> {
+    let first = line.begin(FIRST.try_take()?)?;
+    let default = (!first.default.is_empty()).then_some(first.default);
+    let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
+    let store = Store::new(Flash::new(|| CONTROLLER.writing()), 0..FLASH_LEN as u32).ok()?;
+    let service = Service::new(store, HostKey(first.key), default);
+    let keeper = RECORDS.try_init(Keeper::new(service, KeepParams::new(&rates).ok()?))?;
+    Some((Begin { cause: first.cause, note: first.note }, keeper))
 }
 
 fn start(mut line: Line) -> Result<(), SpawnError> {
-    if let Some(params) = calibration(&mut line) {
-        // There is room: nobody has sent before.
-        CONTROLLER.candidate.try_send(params).ok();
-    }
+    let Some((begin, records)) = records(&mut line) else { Exit::LineFailed.now() };
+    line.share();
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
     let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
-    let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(line, asks, tell as fn(&mut ToHost)));
+    let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut ToHost)));
     let [highest, high, low] = priority::start();
     let start = Instant::now();
     highest.spawn(sample(start, params, front_end)?);
     high.spawn(estimate(start)?);
     low.spawn(publish(start)?);
-    low.spawn(store(start)?);
+    low.spawn(store(start, begin, records)?);
     low.spawn(supervise(start)?);
     Ok(())
 }

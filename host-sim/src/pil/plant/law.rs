@@ -1,0 +1,64 @@
+//! Which calibration the controller works with, seen from outside: the expected part of an output follows from sample and
+//! calibration alone, so the host computes it with every calibration that may be in use and compares bits.
+
+use kou_app::controller::NoEstimate;
+use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
+use serde::Serialize;
+
+use super::tool::Tool;
+
+/// What was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct LawFinding {
+    /// Outputs compared.
+    pub compared: u64,
+    /// Outputs of no calibration that could have been in use.
+    pub foreign: u64,
+    /// Changes from one calibration to another.
+    pub swaps: u64,
+    /// Which was in use last: 0 the default, else the number of the update.
+    pub last: u64,
+}
+
+/// Watches outputs.
+#[derive(Debug)]
+pub struct LawWatch {
+    default: Option<Params>,
+    finding: LawFinding,
+}
+
+fn expects(params: &Params, sample: &Sample, output: &Estimate) -> bool {
+    step(params, &mut State::new(), sample).expected == output.expected
+}
+
+impl LawWatch {
+    /// Of a drive that begins with this calibration.
+    #[must_use]
+    pub fn new(calibration: &Calibration) -> Self {
+        Self { default: Params::new(calibration).ok(), finding: LawFinding::default() }
+    }
+
+    /// Takes an output.
+    pub fn watch(&mut self, output: &Result<Estimate, NoEstimate>, sample: Option<&Sample>, tool: &Tool) {
+        let (Ok(output), Some(sample)) = (output, sample) else { return };
+        if output.expected.is_err() {
+            return;
+        }
+        self.finding.compared += 1;
+        let of_updates = tool.candidates().zip(1..).filter(|((_, may), _)| *may).map(|((params, _), n)| (params, n));
+        let mut all = self.default.iter().map(|params| (params, 0)).chain(of_updates);
+        match all.find(|(params, _)| expects(params, sample, output)) {
+            None => self.finding.foreign += 1,
+            Some((_, number)) => {
+                self.finding.swaps += u64::from(number != self.finding.last);
+                self.finding.last = number;
+            }
+        }
+    }
+
+    /// What was seen.
+    #[must_use]
+    pub fn finding(&self) -> LawFinding {
+        self.finding
+    }
+}
