@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use host_sim::commands::{
-    Failure, dbc, evaluate, identify, paper, pil, replay, report, simulate, step, synth, update, verify,
+    Failure, dbc, evaluate, identify, paper, pil, provision, replay, report, simulate, step, synth, update, verify,
 };
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.
@@ -29,6 +29,7 @@ enum Command {
     Paper(paper::Args),
     Dbc(dbc::Args),
     Update(update::Args),
+    Provision(provision::Args),
 }
 
 #[test]
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         Command::Paper(args) => paper::run(&args),
         Command::Dbc(args) => dbc::run(&args),
         Command::Update(args) => update::run(&args),
+        Command::Provision(args) => provision::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

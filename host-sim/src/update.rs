@@ -8,6 +8,7 @@ use std::path::Path;
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
+use kou_app::update::provision::KEY_LEN;
 use kou_app::update::{Key, Transfer};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
@@ -28,9 +29,17 @@ pub struct Addresses {
 /// # Errors
 /// When the file cannot be read or holds something else. The message never shows what it holds.
 pub fn read_key(path: &Path) -> Result<Key, InputError> {
+    read_key_bytes(path).map(Key::new)
+}
+
+/// The bytes of a key file, for what is written into a controller.
+///
+/// # Errors
+/// As of [`read_key`].
+pub fn read_key_bytes(path: &Path) -> Result<[u8; KEY_LEN], InputError> {
     let bytes = std::fs::read(path).map_err(|e| InputError::new(format!("{}: {e}", path.display())))?;
     if let Ok(raw) = <[u8; 32]>::try_from(bytes.as_slice()) {
-        return Ok(Key::new(raw));
+        return Ok(raw);
     }
     let digits: Option<Vec<u8>> = bytes
         .iter()
@@ -40,7 +49,7 @@ pub fn read_key(path: &Path) -> Result<Key, InputError> {
     let key = digits.filter(|digits| digits.len() == 64).map(|digits| {
         std::array::from_fn(|i| digits.get(2 * i).unwrap_or(&0) << 4 | digits.get(2 * i + 1).unwrap_or(&0))
     });
-    key.map(Key::new).ok_or_else(|| {
+    key.ok_or_else(|| {
         InputError::new(format!("{}: a key is 32 bytes, or 64 hexadecimal digits", path.display()))
     })
 }

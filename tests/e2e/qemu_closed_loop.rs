@@ -91,6 +91,7 @@ macro_rules! scenarios {
                 .collect();
             shipped.sort();
             let mut tested = vec![$($file.to_string()),*];
+            tested.extend(WITH_MORE.map(str::to_string));
             tested.sort();
             assert_eq!(shipped, tested);
         }
@@ -111,6 +112,46 @@ scenarios! {
     qemu_loop_pump_pickup_fails: "pump-pickup-fails.toml",
     qemu_loop_can_babble_and_silence: "can.toml",
     qemu_loop_motor_pickup_fails: "motor-pickup-fails.toml",
+}
+
+/// Scenarios that have a test of their own below, with more to be said of them.
+const WITH_MORE: [&str; 2] = ["brown-out.toml", "calibration-update.toml"];
+
+#[test]
+fn qemu_loop_brown_out_in_the_middle_of_a_flash_write_loses_nothing() {
+    let report = shipped("brown-out.toml");
+    println!("{:#?}", report.outages);
+    assert!(report.passed, "{:#?} {:?}", report.outages, report.law);
+    assert_eq!(report.outages.len(), 8);
+    // Both outcomes occur, and each record was hit.
+    for found in ["old", "new"] {
+        assert!(report.outages.iter().any(|outage| outage.found == Some(found)), "{found}");
+    }
+    for outage in &report.outages {
+        // Restarted, searched, judged: a tenth of a second where the drive is loaded then.
+        let (first_s, valid_s) = (outage.first_output_s, outage.valid_s);
+        assert!(first_s.is_some_and(|s| s <= 0.1), "{outage:?}");
+        assert!(outage.during == "calibration" || valid_s.is_some_and(|s| s <= 0.1), "{outage:?}");
+        // Hours are written every four seconds of this scenario, one record a second.
+        assert!(outage.operating_s[1] + 10 >= outage.operating_s[0], "{outage:?}");
+    }
+    let brown_outs = report.troubles.iter().find(|(name, _)| name == "BrownOut");
+    assert_eq!(brown_outs.map(|(_, count)| *count), Some(8), "{:?}", report.troubles);
+}
+
+#[test]
+fn qemu_loop_calibration_update_is_guarded_and_goes_on_with_the_new_law() {
+    let report = shipped("calibration-update.toml");
+    assert!(report.passed, "{:#?} {:?}", report.updates, report.law);
+    assert_eq!(report.updates.iter().filter(|update| update.met).count(), 5, "{:#?}", report.updates);
+    // One swap, to the fourth update's law, and every output is of either the old or the new one.
+    assert_eq!((report.law.swaps, report.law.last, report.law.foreign), (1, 4, 0), "{:?}", report.law);
+    // Written ten minutes after the first ones at the latest; here within the burst.
+    for refusal in ["Loaded", "Mac", "WrongMachine", "OldCounter"] {
+        let name = format!("UpdateRefused({refusal})");
+        let count = report.troubles.iter().find(|(trouble, _)| *trouble == name).map(|(_, count)| *count);
+        assert_eq!(count, Some(1), "{name}: {:?}", report.troubles);
+    }
 }
 
 /// A short drive of the surrogate, with what is to be put between.

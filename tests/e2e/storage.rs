@@ -7,11 +7,8 @@ use kou_app::storage::{
     BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError,
     StoredCalibration,
 };
-use kou_estimator::health::HealthState;
-use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
-use kou_estimator::{Reading, Sample, State, step};
-use kou_tests::samples::Random;
-use kou_tests::{record_of, reference_calibration, reference_params};
+use kou_tests::samples::{Random, learned};
+use kou_tests::{record_of, reference_calibration};
 
 /// Region as on the STM32G474 in dual-bank mode: eight pages of 2 KiB, words of 8 bytes.
 type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
@@ -24,25 +21,6 @@ struct Records {
     health: HealthRecord,
     faults: FaultMemory,
     life: Life,
-}
-
-/// State after some plateaus of driving that depend on the version.
-fn learned(version: u32) -> HealthState {
-    let params = reference_params();
-    let mut state = State::new();
-    for i in 0..4_000_u32 {
-        let time = Micros(u64::from(version) * 1_000_000_000 + u64::from(i) * 10_000);
-        let plateau = f32::from(u16::try_from(i / 1000 + version % 7).unwrap());
-        let mut sample = Sample::empty(time);
-        let n_p = 1200.0 + 100.0 * plateau;
-        sample.pump_speed = Reading::new(time, RevPerMin(n_p));
-        sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
-        sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
-        sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
-        let judged = step(&params, &mut state, &sample).health;
-        assert!(judged.level.get() > 0.0);
-    }
-    state.health().clone()
 }
 
 fn version(number: u32) -> Records {

@@ -7,6 +7,7 @@ mod lines;
 pub mod paper;
 pub mod pil;
 pub mod point;
+pub mod provision;
 pub mod replay;
 pub mod report;
 pub mod simulate;

@@ -23,7 +23,7 @@ use crate::apart::apart;
 use crate::faults::Code;
 use crate::j1939::CalibrationState;
 use crate::log::{info, warning};
-use crate::storage::{HealthRecord, Life, Live, Record, ResetCause, StopNote, StoreError};
+use crate::storage::{HealthRecord, Kind, Life, Live, Record, ResetCause, StopNote, StoreError};
 use crate::update::{Handled, KeySource, Service, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
@@ -65,6 +65,11 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             faults_changed: false,
             missed: 0,
         }
+    }
+
+    /// Store and session, for whoever looks at what was kept when the task is over.
+    pub fn service(&mut self) -> &mut Service<'d, F, K> {
+        &mut self.service
     }
 
     async fn open<M: RawMutex>(&mut self, controller: &Controller<M>, begin: Begin) {
@@ -116,7 +121,9 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             adopt(controller, least, live);
             *written = None;
         };
+        controller.set_writing(Some(Kind::Calibration));
         let handled = self.service.receive(now(), tool, command, loaded, adopt).await;
+        controller.set_writing(None);
         answer(controller, &handled);
     }
 

@@ -10,7 +10,7 @@ use super::kinds::{StoredCalibration, UpdateCounter};
 use super::store::{Store, StoreError};
 use crate::faults::Code;
 use crate::j1939::{CalibrationSource, CalibrationState};
-use crate::update::Machine;
+use crate::update::{Machine, Refusal};
 
 /// A calibration in use.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,17 +40,24 @@ pub(crate) fn crc_of(record: &[u8]) -> u32 {
     record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc))
 }
 
-// Not inlined, here and below: what it works with is large and would live in a task's memory for good.
+/// Parameters of a record that passes every check, and the machine that it is for.
+///
+/// # Errors
+/// [`Refusal::Record`] or [`Refusal::Field`].
+// Not inlined, here and below: what it works with is large and would live in a task's memory for good. And the one place that
+// reads records, so that the code for that is there once.
+#[inline(never)]
+pub(crate) fn checked(bytes: &[u8]) -> Result<(Params, Machine), Refusal> {
+    let calibration = record::decode(bytes).map_err(|_| Refusal::Record)?;
+    let params = Params::new(&calibration).map_err(|_| Refusal::Field)?;
+    let MachineConfig { name, serial, .. } = calibration.machine;
+    Ok((params, Machine { name, serial }))
+}
+
 #[inline(never)]
 fn live(bytes: &[u8], source: CalibrationSource) -> Option<Live> {
-    let calibration = record::decode(bytes).ok()?;
-    let params = Params::new(&calibration).ok()?;
-    let MachineConfig { name, serial, .. } = calibration.machine;
-    Some(Live {
-        params,
-        state: CalibrationState { source, crc: crc_of(bytes) },
-        machine: Machine { name, serial },
-    })
+    let (params, machine) = checked(bytes).ok()?;
+    Some(Live { params, state: CalibrationState { source, crc: crc_of(bytes) }, machine })
 }
 
 impl Live {

@@ -12,12 +12,13 @@
 use heapless::String;
 use kou_estimator::calibration::record;
 use kou_estimator::units::{Megapascal, Micros};
-use kou_estimator::{Params, Sample};
+use kou_estimator::Sample;
 
 use super::mac::{self, KeySource, TAG_LEN};
 use super::wire::{Answer, Command, segment, transfer_len};
 use super::{BUFFER_LEN, Refusal};
 use crate::log::info;
+use crate::storage::calibration::checked;
 
 /// Longest silence of a tool in the middle of a transfer.
 pub const TIME_OUT: Micros = Micros(1_000_000);
@@ -350,13 +351,11 @@ fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Refusa
     Ok(Stage::Receiving { length, counter, filled: 0 })
 }
 
-/// The whole record: readable, for this machine, and past every check that the estimator makes.
+/// The whole record: readable, past every check that the estimator makes, and for this machine.
 fn check_record(bytes: &[u8], machine: Option<&Machine>) -> Result<(), Refusal> {
-    let calibration = record::decode(bytes).map_err(|_| Refusal::Record)?;
-    let of = &calibration.machine;
-    let candidate = Machine { name: of.name.clone(), serial: of.serial.clone() };
+    let (_, candidate) = checked(bytes)?;
     if machine.is_some_and(|machine| !machine.takes(&candidate)) {
         return Err(Refusal::WrongMachine);
     }
-    Params::new(&calibration).map(drop).map_err(|_| Refusal::Field)
+    Ok(())
 }

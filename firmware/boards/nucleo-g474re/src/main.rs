@@ -68,6 +68,7 @@ static CONTROLLER: StaticCell<Shared> = StaticCell::new();
 /// Executors above the thread's, on interrupts of peripherals that the board does not use.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
 static HIGH: InterruptExecutor = InterruptExecutor::new();
+static LOW: InterruptExecutor = InterruptExecutor::new();
 
 #[allow(unsafe_code, reason = "an interrupt's entry point is found by its name")]
 #[interrupt]
@@ -81,6 +82,13 @@ unsafe fn UART4() {
 unsafe fn UART5() {
     // SAFETY: called from the interrupt that was given to `HIGH.start`.
     unsafe { HIGH.on_interrupt() }
+}
+
+#[allow(unsafe_code, reason = "an interrupt's entry point is found by its name")]
+#[interrupt]
+unsafe fn LPUART1() {
+    // SAFETY: called from the interrupt that was given to `LOW.start`.
+    unsafe { LOW.on_interrupt() }
 }
 
 type FrontEnd = Sampler<
@@ -141,7 +149,8 @@ impl Publish for Told {
         let valid = estimate.is_ok_and(|estimate| estimate.seen.is_ok());
         if self.was_valid != Some(valid) {
             self.was_valid = Some(valid);
-            defmt::info!("estimates valid: {=bool}; {}", valid, estimate);
+            let why = estimate.map(|estimate| estimate.seen.err());
+            defmt::info!("estimates valid: {=bool}; {}", valid, why);
         }
     }
 }
@@ -194,13 +203,16 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
+    interrupt::LPUART1.set_priority(Priority::P8);
     let (highest, high) = (HIGHEST.start(interrupt::UART4), HIGH.start(interrupt::UART5));
+    // The thread is left to what is written to flash: searching it takes longer than a period of the bus.
+    let low = LOW.start(interrupt::LPUART1);
     let start = Instant::now();
     highest.spawn(sample(shared, start, params, front_end)?);
     high.spawn(estimate(shared, start)?);
-    spawner.spawn(publish(shared, start, Node::new(name, ADDRESS), port)?);
+    low.spawn(publish(shared, start, Node::new(name, ADDRESS), port)?);
     spawner.spawn(store(shared, start, begin, records)?);
-    spawner.spawn(supervise(shared, start, keeper)?);
+    low.spawn(supervise(shared, start, keeper)?);
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! Executors of three priorities: the tasks of one interrupt those of the ones below it.
+//! Executors of four priorities: the tasks of one interrupt those of the ones below it.
 //!
 //! The thread is left with nothing to do. (Its own executor would wait for events, and each such wait costs QEMU dearly.)
 //! Each runs in an interrupt of no peripheral in use, which the executor itself pends. The timers' interrupts stay above
@@ -14,15 +14,23 @@ const PRIORITIES_OF_20: usize = 0xE000_E414;
 const HIGHEST_PRIORITY: u32 = 0x40;
 const HIGH_PRIORITY: u32 = 0x80;
 const LOW_PRIORITY: u32 = 0xC0;
+const LOWEST_PRIORITY: u32 = 0xE0;
 
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
 static HIGH: InterruptExecutor = InterruptExecutor::new();
 static LOW: InterruptExecutor = InterruptExecutor::new();
+static LOWEST: InterruptExecutor = InterruptExecutor::new();
 
-/// Starts them; call it once. Spawners of the highest, of high and of low priority.
-pub fn start() -> [SendSpawner; 3] {
-    write(PRIORITIES_OF_20, HIGHEST_PRIORITY | HIGH_PRIORITY << 8 | LOW_PRIORITY << 16);
-    [HIGHEST.start(Interrupt::Highest), HIGH.start(Interrupt::High), LOW.start(Interrupt::Low)]
+/// Starts them; call it once. Spawners of the highest, of high, of low and of the lowest priority.
+pub fn start() -> [SendSpawner; 4] {
+    let priorities = HIGHEST_PRIORITY | HIGH_PRIORITY << 8 | LOW_PRIORITY << 16 | LOWEST_PRIORITY << 24;
+    write(PRIORITIES_OF_20, priorities);
+    [
+        HIGHEST.start(Interrupt::Highest),
+        HIGH.start(Interrupt::High),
+        LOW.start(Interrupt::Low),
+        LOWEST.start(Interrupt::Lowest),
+    ]
 }
 
 #[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
@@ -41,4 +49,10 @@ pub(crate) extern "C" fn on_high() {
 pub(crate) extern "C" fn on_low() {
     // SAFETY: this is the handler of the interrupt that was given to `LOW.start`.
     unsafe { LOW.on_interrupt() }
+}
+
+#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+pub(crate) extern "C" fn on_lowest() {
+    // SAFETY: this is the handler of the interrupt that was given to `LOWEST.start`.
+    unsafe { LOWEST.on_interrupt() }
 }

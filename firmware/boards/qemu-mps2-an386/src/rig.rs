@@ -9,6 +9,7 @@
 //! would beside the second bank of an STM32G474.
 
 use core::cell::RefCell;
+use core::ops::Range;
 
 use critical_section::Mutex;
 use embassy_time::{Duration, Timer as Wait};
@@ -29,6 +30,7 @@ use embedded_storage_async::nor_flash::{
 };
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Write};
+use static_cell::ConstStaticCell;
 
 use crate::exit::Exit;
 use crate::line::{REQUESTS, RESPONSES};
@@ -117,10 +119,13 @@ fn ask<T: serde::de::DeserializeOwned>(said: &Said) -> Option<T> {
     })
 }
 
-/// The flash, whose cells are the host's.
+/// The flash, whose cells are the host's; reads are from a copy in RAM, at once, as from flash that lies in memory.
 pub struct Flash {
     writing: fn() -> Option<Kind>,
+    copy: &'static mut [u8; FLASH_LEN],
 }
+
+static COPY: ConstStaticCell<[u8; FLASH_LEN]> = ConstStaticCell::new([0; FLASH_LEN]);
 
 /// The host has refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -137,10 +142,25 @@ const WORD_TIME: Duration = Duration::from_micros(85);
 const PAGE_TIME: Duration = Duration::from_millis(22);
 
 impl Flash {
-    /// A flash; `writing` says which record is being written, for the host to aim its power cuts at.
+    /// The flash, once, when the line is shared; `writing` says which record is being written, for the host to aim its power
+    /// cuts at.
     #[must_use]
-    pub const fn new(writing: fn() -> Option<Kind>) -> Self {
-        Self { writing }
+    pub fn new(writing: fn() -> Option<Kind>) -> Option<Self> {
+        let mut flash = Self { writing, copy: COPY.try_take()? };
+        flash.look(0..FLASH_LEN)?;
+        Some(flash)
+    }
+
+    /// Copies what the host's cells hold.
+    fn look(&mut self, range: Range<usize>) -> Option<()> {
+        let offsets = range.clone().step_by(FLASH_CHUNK);
+        for (offset, chunk) in offsets.zip(self.copy.get_mut(range)?.chunks_mut(FLASH_CHUNK)) {
+            let length = u16::try_from(chunk.len()).ok()?;
+            let work = FlashWork::Read { offset: u32::try_from(offset).ok()?, length };
+            let read = ask::<FlashDone>(&Said::Flash { of: None, work })??;
+            chunk.copy_from_slice(read.get(..chunk.len())?);
+        }
+        Some(())
     }
 
     fn work(&self, work: FlashWork) -> Result<Vec<u8, FLASH_CHUNK>, FlashRefused> {
@@ -158,13 +178,9 @@ impl ReadNorFlash for Flash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashRefused> {
-        for (at, chunk) in (offset..).step_by(FLASH_CHUNK).zip(bytes.chunks_mut(FLASH_CHUNK)) {
-            let length = u16::try_from(chunk.len()).map_err(|_| FlashRefused)?;
-            let read = self.work(FlashWork::Read { offset: at, length })?;
-            for (byte, from) in chunk.iter_mut().zip(&read) {
-                *byte = *from;
-            }
-        }
+        let start = usize::try_from(offset).map_err(|_| FlashRefused)?;
+        let cells = self.copy.get(start..).and_then(|rest| rest.get(..bytes.len())).ok_or(FlashRefused)?;
+        bytes.copy_from_slice(cells);
         Ok(())
     }
 
@@ -179,6 +195,7 @@ impl NorFlash for Flash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashRefused> {
         self.work(FlashWork::Erase { from, to })?;
+        self.look(from as usize..to as usize).ok_or(FlashRefused)?;
         let pages = to.saturating_sub(from) / FLASH_PAGE as u32;
         Wait::after(PAGE_TIME * pages).await;
         Ok(())
@@ -189,6 +206,8 @@ impl NorFlash for Flash {
             let words = u32::try_from(chunk.len() / ram::WORD).map_err(|_| FlashRefused)?;
             let bytes = Vec::from_slice(chunk).map_err(|_| FlashRefused)?;
             self.work(FlashWork::Write { offset: at, bytes })?;
+            let at = at as usize;
+            self.look(at..at.saturating_add(chunk.len())).ok_or(FlashRefused)?;
             Wait::after(WORD_TIME * words).await;
         }
         Ok(())
@@ -226,6 +245,7 @@ impl<F: FnMut(&mut ToHost)> Timer<F> {
             vitals: None,
             stack_bytes: 0,
             fed: 0,
+            writing: None,
             can: Vec::new(),
         };
         (self.tell)(&mut message);

@@ -1,9 +1,9 @@
-//! The interrupt vectors of AN386, of which time driver and UART use three, and the controller's executors three.
+//! The interrupt vectors of AN386, of which time driver and UART use three, and the controller's executors four.
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 
-use crate::priority::{on_high, on_highest, on_low};
+use crate::priority::{on_high, on_highest, on_low, on_lowest};
 use crate::time::{on_alarm, on_wrap};
 use crate::uart::on_receive;
 
@@ -22,6 +22,8 @@ pub enum Interrupt {
     High = 21,
     /// Of no peripheral in use: the executor of low priority.
     Low = 22,
+    /// Of no peripheral in use: the executor of the lowest priority.
+    Lowest = 23,
 }
 
 #[allow(unsafe_code, reason = "declares interrupt numbers to cortex-m")]
@@ -75,6 +77,7 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
         highest,
         high,
         low,
+        lowest,
         ..,
     ] = &mut table;
     *uart0_receive = on_receive;
@@ -83,5 +86,6 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     *highest = on_highest;
     *high = on_high;
     *low = on_low;
+    *lowest = on_lowest;
     table
 };

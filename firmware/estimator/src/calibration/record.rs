@@ -12,7 +12,7 @@
 
 use core::fmt;
 
-use crc::{CRC_32_ISO_HDLC, Crc};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::{Deserialize, Serialize};
 
 use super::Calibration;
@@ -25,7 +25,8 @@ pub const SCHEMA: u16 = 3;
 /// Bytes that always suffice for a record.
 pub const MAX_LEN: usize = 880;
 
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+// Without a table: records are short and read seldom, and a table takes a kilobyte of flash.
+static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32/ISO-HDLC, as used in records and for provenance.
 #[must_use]

@@ -41,6 +41,8 @@ pub enum Done {
 pub struct Flash {
     cells: Cells,
     aim: Option<Aim>,
+    /// The aim of the write under way.
+    armed: Option<Aim>,
     /// The record that was being written by the last operation.
     of: Option<Kind>,
     /// Cells as they were before the write that was cut.
@@ -104,12 +106,13 @@ impl Flash {
     /// Whether a cut is still to come.
     #[must_use]
     pub fn is_aimed(&self) -> bool {
-        self.aim.is_some()
+        self.aim.is_some() || self.armed.is_some()
     }
 
     /// The supply is back.
     pub fn power_on(&mut self) {
         self.cells.power_on();
+        self.armed = None;
         self.of = None;
     }
 
@@ -125,10 +128,16 @@ impl Flash {
         self.before.as_deref()
     }
 
-    /// Does what the firmware asks, `of` a record that it is writing.
-    pub fn work(&mut self, of: Option<u8>, work: &FlashWork) -> Done {
+    /// Told of every write and in every millisecond which record is being written, so that where a write begins and ends is
+    /// known.
+    pub fn writes(&mut self, of: Option<u8>) {
         let of = of.and_then(Kind::from_number);
         let begins = of != self.of;
+        if begins && let Some(armed) = self.armed.take() {
+            // That write was shorter than the place aimed at: the next one of its record, then.
+            self.cells.power_on();
+            self.aim = Some(armed);
+        }
         self.of = of;
         if let Some(aim) = self.aim
             && of == Some(aim.kind)
@@ -136,7 +145,14 @@ impl Flash {
         {
             self.before = Some(Box::new(self.cells.clone()));
             self.cells.cut_after(aim.byte, Torn::Random(aim.seed));
-            self.aim = None;
+            self.armed = self.aim.take();
+        }
+    }
+
+    /// Does what the firmware asks, `of` a record that it is writing.
+    pub fn work(&mut self, of: Option<u8>, work: &FlashWork) -> Done {
+        if !matches!(work, FlashWork::Read { .. }) {
+            self.writes(of);
         }
         let done = match work {
             FlashWork::Read { offset, length } => {

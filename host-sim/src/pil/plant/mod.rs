@@ -203,6 +203,7 @@ impl Run {
                 return Ok(Some(self.outages.fails(time_s, &mut self.flash)));
             }
         };
+        self.flash.writes(asked.writing);
         if let Some(output) = &asked.output {
             self.verdict.judge(time_s, &truth, output, asked.sample.as_ref());
             self.outages.told(time_s, output);

@@ -75,6 +75,7 @@ async fn supervise(start: Instant) {
 
 /// What the host is told beside what the hardware needs.
 fn tell(message: &mut ToHost) {
+    message.writing = CONTROLLER.writing().map(|kind| kind as u8);
     message.fed = FED.load(Ordering::Relaxed);
     if message.tick % OUTPUT_TURNS == 1 {
         message.output = Some(CONTROLLER.output(Micros(Instant::now().as_micros())));
@@ -91,29 +92,29 @@ static STACK: AtomicU32 = AtomicU32::new(0);
 const STACK_PERIOD: Duration = Duration::from_millis(500);
 
 /// Everything that is kept, and why this run begins, from the host's first message.
-fn records(line: &mut Line) -> Option<(Begin, &'static mut Records)> {
+fn records(mut line: Line) -> Option<(Begin, &'static mut Records)> {
     let first = line.begin(FIRST.try_take()?)?;
+    line.share();
     let default = (!first.default.is_empty()).then_some(first.default);
     let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
-    let store = Store::new(Flash::new(|| CONTROLLER.writing()), 0..FLASH_LEN as u32).ok()?;
+    let store = Store::new(Flash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
     let service = Service::new(store, HostKey(first.key), default);
     let keeper = RECORDS.try_init(Keeper::new(service, KeepParams::new(&rates).ok()?))?;
     Some((Begin { cause: first.cause, note: first.note }, keeper))
 }
 
-fn start(mut line: Line) -> Result<(), SpawnError> {
-    let Some((begin, records)) = records(&mut line) else { Exit::LineFailed.now() };
-    line.share();
+fn start(line: Line) -> Result<(), SpawnError> {
+    let Some((begin, records)) = records(line) else { Exit::LineFailed.now() };
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
     let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
     let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut ToHost)));
-    let [highest, high, low] = priority::start();
+    let [highest, high, low, lowest] = priority::start();
     let start = Instant::now();
     highest.spawn(sample(start, params, front_end)?);
     high.spawn(estimate(start)?);
     low.spawn(publish(start)?);
-    low.spawn(store(start, begin, records)?);
+    lowest.spawn(store(start, begin, records)?);
     low.spawn(supervise(start)?);
     Ok(())
 }

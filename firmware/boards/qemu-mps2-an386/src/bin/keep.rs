@@ -7,13 +7,10 @@
 use cortex_m_rt::entry;
 use embassy_futures::block_on;
 use kou_app::faults::{Code, FaultMemory, Snapshot};
-use kou_app::j1939::publish;
+use kou_app::rig;
 use kou_app::storage::ram::Torn;
 use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError};
-use kou_app::update::{Key, mac};
 use kou_estimator::calibration::record::crc32;
-use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason};
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;
@@ -67,25 +64,6 @@ fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), 
     places
 }
 
-/// CRC-32 over the frames of an estimate, for the host to compare with its own.
-fn frames() -> u32 {
-    let estimate = Estimate {
-        time: Micros(0),
-        expected: Ok(Expected {
-            kou: LeakageCoefficient(0.08),
-            kou_se: LeakageCoefficient(0.002),
-            ratio: Ratio(0.95),
-            volumetric_efficiency: Ratio(0.95),
-            leakage: LitrePerMin(12.5),
-        }),
-        seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
-        health: kou_estimator::health::Health::new(),
-    };
-    let parts =
-        [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)];
-    crc32(parts.as_flattened())
-}
-
 #[entry]
 fn main() -> ! {
     QemuMps2An386::init();
@@ -94,7 +72,8 @@ fn main() -> ! {
     let base = base.into_flash();
     let lives = cut_everywhere(&base, |store| block_on(store.write(&life(2))));
     let memories = cut_everywhere(&base, |store| block_on(store.write(&faults(2))));
-    let tag = mac::tag(&Key::new([7; 32]), 1, b"record").map_or(0, |tag| crc32(&tag));
-    eprintln!("cuts {} frames {:08x} tag {:08x}", lives + memories, frames(), tag);
+    let frames = crc32(rig::example_frames().as_flattened());
+    let tag = rig::example_tag().map_or(0, |tag| crc32(&tag));
+    eprintln!("cuts {} frames {:08x} tag {:08x}", lives + memories, frames, tag);
     Exit::Shutdown.now()
 }

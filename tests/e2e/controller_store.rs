@@ -1,0 +1,248 @@
+//! The controller's task `store` among the others, on the host with a clock that the test moves: what a start finds, what
+//! outlasts it, and what is said where something fails.
+
+use std::cell::RefCell;
+use std::future::Future;
+use std::pin::Pin;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Waker};
+
+use embassy_futures::block_on;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_time::{Duration, Instant, MockDriver};
+use host_sim::update::{Addresses, frames};
+use kou_app::controller::note::{self, Note};
+use kou_app::controller::{
+    Begin, Bus, CanPort, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, run_estimate, run_publish,
+    run_sample, run_store,
+};
+use kou_app::faults::{Code, FaultMemory};
+use kou_app::j1939::node::UPDATE;
+use kou_app::j1939::{CalibrationSource, Frame, Name, NameConfig, Node};
+use kou_app::sensors::adc::{Input, NoCounts};
+use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::wiring;
+use kou_app::storage::ram::Torn;
+use kou_app::storage::{HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store};
+use kou_app::update::wire::Answer;
+use kou_app::update::{Key, KeySource, Service};
+use kou_estimator::State;
+use kou_estimator::calibration::record::crc32;
+use kou_estimator::units::Micros;
+use kou_tests::samples::learned;
+use kou_tests::{record_of, reference_calibration, reference_params};
+
+type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+
+/// The clock is one for the whole process.
+fn clock() -> (MutexGuard<'static, ()>, &'static MockDriver) {
+    static CLOCK: Mutex<()> = Mutex::new(());
+    let guard = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    MockDriver::get().reset();
+    (guard, MockDriver::get())
+}
+
+struct TestKey;
+
+const KEY: [u8; 32] = [0x42; 32];
+
+impl KeySource for TestKey {
+    fn update_key(&self) -> Option<Key> {
+        Some(Key::new(KEY))
+    }
+}
+
+/// A drive that stands still, with a converter that does not answer; `busy` makes its reads late.
+struct Standstill(Duration);
+
+impl FrontEnd for Standstill {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+        if Instant::now().as_millis() == 5_000 {
+            MockDriver::get().advance(self.0);
+        }
+        into.analog = [Err(NoCounts::NoAnswer); CHANNELS];
+        into.count = (Instant::now().as_micros() * 10) as u32;
+    }
+}
+
+/// A bus with one tool on it, which sends a frame when the one before was answered.
+#[derive(Default)]
+struct Tool {
+    to_send: Vec<Frame>,
+    answers: Vec<Answer>,
+    waits: bool,
+}
+
+impl CanPort for &RefCell<Tool> {
+    fn receive(&mut self) -> Option<Frame> {
+        let mut tool = self.borrow_mut();
+        if tool.waits || tool.to_send.is_empty() || Instant::now().as_millis() < 2_500 {
+            return None;
+        }
+        tool.waits = true;
+        Some(tool.to_send.remove(0))
+    }
+
+    fn send(&mut self, frame: &Frame) -> bool {
+        let mut tool = self.borrow_mut();
+        if frame.id().pgn() == UPDATE {
+            tool.waits = false;
+            let answer = frame.data().try_into().ok().and_then(Answer::from_bytes);
+            tool.answers.extend(answer);
+        }
+        true
+    }
+}
+
+/// What a run left.
+struct Run {
+    flash: Flash,
+    controller: Controller<NoopRawMutex>,
+    tool: Tool,
+}
+
+/// Runs all tasks but the supervisor for a time, `at` looks on every millisecond.
+fn run(
+    flash: Flash,
+    default: Option<&[u8]>,
+    begin: Begin,
+    to_send: Vec<Frame>,
+    busy: Duration,
+    ms: u64,
+) -> Run {
+    let controller = Controller::<NoopRawMutex>::new();
+    let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
+    let tool = RefCell::new(Tool { to_send, ..Tool::default() });
+    let rates = KeepConfig { health_s: 3, life_s: 4, ..KeepConfig::VEHICLE };
+    let store = Store::new(flash, 0..MIN_BYTES).unwrap();
+    let mut keeper = Keeper::new(Service::new(store, TestKey, default), KeepParams::new(&rates).unwrap());
+    let start = Instant::now();
+    {
+        let (c, params, tool, k) = (&controller, &params, &tool, &mut keeper);
+        let node = Node::new(Name::new(&NameConfig::transmission(1)).unwrap(), 0x8C);
+        let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 4] = [
+            Box::pin(async move { run_sample(c, start, params, &mut Standstill(busy)).await }),
+            Box::pin(async move { run_estimate(c, start).await }),
+            Box::pin(async move { run_publish(c, start, &mut Bus::new(tool, node, c)).await }),
+            Box::pin(async move { run_store(c, start, begin, k).await }),
+        ];
+        let mut context = Context::from_waker(Waker::noop());
+        for _ in 0..ms {
+            for task in &mut tasks {
+                assert!(task.as_mut().poll(&mut context).is_pending(), "a task has ended");
+            }
+            MockDriver::get().advance(Duration::from_millis(1));
+        }
+    }
+    let store = keeper.service().store();
+    let flash = store.flash().clone();
+    Run { flash, controller, tool: tool.into_inner() }
+}
+
+fn power_on() -> Begin {
+    Begin { cause: ResetCause::PowerOn, note: None }
+}
+
+fn read<R: for<'a> kou_app::storage::Record<'a>>(flash: &Flash) -> Option<R> {
+    let mut store = Store::new(flash.clone(), 0..MIN_BYTES).unwrap();
+    block_on(store.read()).unwrap()
+}
+
+fn crc_of(record: &[u8]) -> u32 {
+    crc32(&record[..record.len() - 4])
+}
+
+fn with_records(write: impl AsyncFnOnce(&mut Store<Flash>)) -> Flash {
+    let mut store = Store::new(Flash::new(), 0..MIN_BYTES).unwrap();
+    block_on(write(&mut store));
+    store.into_flash()
+}
+
+const NOT_BUSY: Duration = Duration::from_ticks(0);
+
+#[test]
+fn learned_health_is_restored_with_its_own_calibration_and_with_no_other() {
+    let (_guard, _) = clock();
+    let (params, state) = (reference_params(), learned(1));
+    let default = record_of(&reference_calibration());
+    for (crc, is_kept) in [(crc_of(&default), true), (crc_of(&default) ^ 1, false)] {
+        let health = HealthRecord { calibration_crc: crc, state: state.clone() };
+        let flash = with_records(async |store| store.write(&health).await.unwrap());
+        let told = run(flash, Some(&default), power_on(), Vec::new(), NOT_BUSY, 300).controller;
+        let now = Micros(Instant::now().as_micros());
+        let level = told.output(now).unwrap().health.level;
+        let sample = kou_estimator::Sample::empty(Micros(0));
+        let kept = kou_estimator::step(&params, &mut State::with_health(state.clone()), &sample);
+        assert_ne!(kept.health.level.get(), 1.0, "something was learned");
+        assert_eq!(level == kept.health.level, is_kept);
+    }
+}
+
+#[test]
+fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_outlasts_a_restart() {
+    let (_guard, _) = clock();
+    let addresses = Addresses { controller: 0x8C, tool: 0xF9 };
+    let new = frames(&reference_calibration(), 1, &Key::new(KEY), addresses).unwrap();
+    let before = run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 1_000);
+    let now = || Micros(Instant::now().as_micros());
+    assert_eq!(before.controller.output(now()), Err(NoEstimate::NoCalibration));
+    assert_eq!(before.controller.calibration().map(|c| c.source), Some(CalibrationSource::None));
+    let taken = run(before.flash, None, power_on(), new, NOT_BUSY, 8_000);
+    let crc = crc_of(&record_of(&reference_calibration()));
+    assert_eq!(taken.tool.answers.last(), Some(&Answer::Committed { crc }), "{:?}", taken.tool.answers.last());
+    assert!(taken.controller.output(now()).is_ok());
+    let later = run(taken.flash, None, power_on(), Vec::new(), NOT_BUSY, 200);
+    assert!(later.controller.output(now()).is_ok());
+    assert_eq!(later.controller.calibration().map(|c| (c.source, c.crc)), Some((CalibrationSource::Stored, crc)));
+}
+
+#[test]
+fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
+    let (_guard, _) = clock();
+    let first = run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 9_000);
+    let hours = read::<Life>(&first.flash).unwrap();
+    assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
+    let text = "index out of bounds at src/x.rs:12";
+    let note = Note { kind: note::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
+    // To the hardware it was a reset that was asked for.
+    let begin = Begin { cause: ResetCause::Software, note: Some(note) };
+    let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
+    let life = read::<Life>(&second.flash).unwrap();
+    assert_eq!((life.starts, life.unasked, life.last_reset), (2, 1, ResetCause::Panic));
+    assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
+    let stop = read::<StopNote>(&second.flash).unwrap();
+    assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
+    let faults = read::<FaultMemory>(&second.flash).unwrap();
+    let entry = faults.get(Code::Panic).expect("it is in the fault memory");
+    assert_eq!((entry.active, entry.first.operating_s), (false, hours.operating_s));
+    // Of the start before as well: the converter that does not answer has occurred in both.
+    let twice = faults.entries().iter().filter(|entry| entry.occurrences == 2).count();
+    assert!(twice >= 3, "{faults:?}");
+}
+
+#[test]
+fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
+    let (_guard, _) = clock();
+    let mut flash = Flash::new();
+    flash.cut_after(0, Torn::Clean);
+    let default = record_of(&reference_calibration());
+    let after = run(flash, Some(&default), power_on(), Vec::new(), NOT_BUSY, 6_000);
+    assert!(after.controller.output(Micros(Instant::now().as_micros())).is_ok());
+    let is_active = after.controller.faults(|memory| {
+        memory.active().any(|entry| entry.code() == Some(Code::StorageFailed))
+    });
+    assert!(is_active);
+    let [_, estimate, ..] = after.controller.vitals.read();
+    assert_eq!((estimate.turns, estimate.missed), (599, 0));
+}
+
+#[test]
+fn missed_deadlines_are_a_trouble() {
+    let (_guard, _) = clock();
+    let late = run(Flash::new(), None, power_on(), Vec::new(), Duration::from_millis(4), 7_000);
+    let faults = read::<FaultMemory>(&late.flash);
+    let in_memory = late.controller.faults(|memory| memory.get(Code::Overrun).is_some());
+    assert!(in_memory, "{faults:?}");
+    let (_, in_time) = (drop(late), run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 7_000));
+    assert!(in_time.controller.faults(|memory| memory.get(Code::Overrun).is_none()));
+}
