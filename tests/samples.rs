@@ -2,8 +2,11 @@
 //!
 //! The stream is pseudo-random from a seed and nothing else, so that a failure can be repeated by its number.
 
+use kou_estimator::health::HealthState;
 use kou_estimator::units::{Celsius, LitrePerMin, Megapascal, Micros, Ratio, RevPerMin};
-use kou_estimator::{Fault, Reading, Sample};
+use kou_estimator::{Fault, Reading, Sample, State, step};
+
+use crate::reference_params;
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): small, and good enough to draw test cases.
 #[derive(Debug, Clone)]

@@ -4,7 +4,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use host_sim::commands::{
-    Failure, dbc, evaluate, identify, paper, pil, provision, replay, report, simulate, step, synth, update, verify,
+    Failure, dbc, evaluate, identify, paper, pil, provision, replay, report, simulate, step, synth, update,
+    verify,
 };
 
 /// Identifies, replays and verifies the leakage estimator of a pump-motor drive.

@@ -13,8 +13,8 @@ use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
 use kou_app::controller::note::{self, Note};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, run_estimate, run_publish,
-    run_sample, run_store,
+    Begin, Bus, CanPort, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, run_estimate,
+    run_publish, run_sample, run_store,
 };
 use kou_app::faults::{Code, FaultMemory};
 use kou_app::j1939::node::UPDATE;
@@ -189,11 +189,19 @@ fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_o
     assert_eq!(before.controller.calibration().map(|c| c.source), Some(CalibrationSource::None));
     let taken = run(before.flash, None, power_on(), new, NOT_BUSY, 8_000);
     let crc = crc_of(&record_of(&reference_calibration()));
-    assert_eq!(taken.tool.answers.last(), Some(&Answer::Committed { crc }), "{:?}", taken.tool.answers.last());
+    assert_eq!(
+        taken.tool.answers.last(),
+        Some(&Answer::Committed { crc }),
+        "{:?}",
+        taken.tool.answers.last()
+    );
     assert!(taken.controller.output(now()).is_ok());
     let later = run(taken.flash, None, power_on(), Vec::new(), NOT_BUSY, 200);
     assert!(later.controller.output(now()).is_ok());
-    assert_eq!(later.controller.calibration().map(|c| (c.source, c.crc)), Some((CalibrationSource::Stored, crc)));
+    assert_eq!(
+        later.controller.calibration().map(|c| (c.source, c.crc)),
+        Some((CalibrationSource::Stored, crc))
+    );
 }
 
 #[test]
@@ -228,9 +236,9 @@ fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
     let default = record_of(&reference_calibration());
     let after = run(flash, Some(&default), power_on(), Vec::new(), NOT_BUSY, 6_000);
     assert!(after.controller.output(Micros(Instant::now().as_micros())).is_ok());
-    let is_active = after.controller.faults(|memory| {
-        memory.active().any(|entry| entry.code() == Some(Code::StorageFailed))
-    });
+    let is_active = after
+        .controller
+        .faults(|memory| memory.active().any(|entry| entry.code() == Some(Code::StorageFailed)));
     assert!(is_active);
     let [_, estimate, ..] = after.controller.vitals.read();
     assert_eq!((estimate.turns, estimate.missed), (599, 0));

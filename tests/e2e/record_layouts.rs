@@ -30,13 +30,17 @@ fn compare(name: &str, schema: u16, layout: &Registry) -> Option<String> {
     let text = format!("{layout:#?}\n");
     match std::fs::read_to_string(&path) {
         Ok(known) if known == text => None,
-        Ok(_) => Some(format!("{name}: the layout is not that of schema {schema} any more: raise its SCHEMA")),
+        Ok(_) => {
+            Some(format!("{name}: the layout is not that of schema {schema} any more: raise its SCHEMA"))
+        }
         Err(_) if std::env::var_os("KOU_NEW_LAYOUTS").is_some() => {
             std::fs::create_dir_all(folder()).expect("a folder for layouts");
             std::fs::write(&path, text).expect("a layout can be written");
             None
         }
-        Err(_) => Some(format!("{name}: schema {schema} is new: run this with KOU_NEW_LAYOUTS=1 and commit the file")),
+        Err(_) => Some(format!(
+            "{name}: schema {schema} is new: run this with KOU_NEW_LAYOUTS=1 and commit the file"
+        )),
     }
 }
 

@@ -17,8 +17,8 @@ use host_sim::input::TomlFile;
 use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
-    Begin, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, Publish, Task, Watchdog, run_estimate,
-    run_publish, run_sample, run_store, run_supervise,
+    Begin, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, Publish, Task, Watchdog,
+    run_estimate, run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::faults::FaultMemory;
 use kou_app::rig::{FLASH_LEN, FLASH_PAGE};
@@ -215,14 +215,17 @@ fn kept(
     assert_eq!((life.starts, life.unasked), (1, 0));
     assert!(health.state.is_sound());
     // The oil sensor fails in every minute; what is in flash is at most the ration's ten minutes behind.
-    let oil = |memory: &FaultMemory| memory.entries().iter().map(|entry| entry.occurrences).max().unwrap_or(0);
+    let oil =
+        |memory: &FaultMemory| memory.entries().iter().map(|entry| entry.occurrences).max().unwrap_or(0);
     let now = controller.faults(|memory| oil(memory));
     assert!(oil(&faults) == 126 || oil(&faults) + 11 >= now, "{} of {now}", oil(&faults));
     let (worked, erasures) = (store.flash().worked(), store.flash().erasures());
     let hours = minutes as f64 / 60.0;
     // 10 000 erasures of each page is what the chip is rated for.
     let lifetime_h = 10_000.0 * (FLASH_LEN / FLASH_PAGE) as f64 * hours / (erasures.max(1) as f64);
-    println!("{hours} h: {worked} bytes written, {erasures} pages erased: the flash lasts {lifetime_h:.0} h of this");
+    println!(
+        "{hours} h: {worked} bytes written, {erasures} pages erased: the flash lasts {lifetime_h:.0} h of this"
+    );
     // Ten years of two thousand hours, with a sensor that fails every minute.
     assert!(lifetime_h > 20_000.0, "{lifetime_h}");
 }

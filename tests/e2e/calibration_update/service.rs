@@ -47,10 +47,7 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
         block_on(service.receive(Micros(0), TOOL, command, false, drop)).answer.unwrap().1
     };
     let length = u16::try_from(record.len()).unwrap();
-    assert_eq!(
-        read(&mut service, 1),
-        Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) }
-    );
+    assert_eq!(read(&mut service, 1), Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) });
     assert!(matches!(read(&mut service, 2), Answer::Refused { why: Refusal::NothingStored, .. }));
     let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
     block_on(service.keep(&health)).unwrap();

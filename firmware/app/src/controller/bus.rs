@@ -42,14 +42,7 @@ pub struct Bus<'c, P, M: RawMutex> {
 impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
     /// A controller that will claim its address on this bus.
     pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
-        Self {
-            port,
-            node,
-            controller,
-            failed: [None; Channel::ALL.len()],
-            started: None,
-            dropped: 0,
-        }
+        Self { port, node, controller, failed: [None; Channel::ALL.len()], started: None, dropped: 0 }
     }
 
     /// Frames that the driver had no room for.

@@ -94,13 +94,7 @@ pub(super) struct Schedule {
 impl Schedule {
     /// At the start, when the hours have just been written.
     pub const fn new(params: KeepParams) -> Self {
-        Self {
-            params,
-            health_at_s: 0,
-            life_at_s: 0,
-            fault_writes_left: params.fault_burst,
-            refilled_at_s: 0,
-        }
+        Self { params, health_at_s: 0, life_at_s: 0, fault_writes_left: params.fault_burst, refilled_at_s: 0 }
     }
 
     /// What is due at `now`. `faults_changed` and `health_changed`: since they were last written. What is returned counts as
@@ -166,7 +160,8 @@ mod tests {
     #[test]
     fn health_and_hours_are_written_once_in_a_period_and_what_has_not_changed_is_not() {
         let mut schedule = schedule();
-        let due: std::vec::Vec<Due> = (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
+        let due: std::vec::Vec<Due> =
+            (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
         let count = |what| due.iter().filter(|one| **one == what).count();
         assert_eq!((count(Due::Life), count(Due::Health), count(Due::Faults)), (10, 5, 0));
     }

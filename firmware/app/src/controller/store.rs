@@ -105,7 +105,10 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             controller.happened(code);
         }
         self.life.started(cause);
-        info!("start {=u32} after {=u32} s of operation, by {}", self.life.starts, self.life.operating_s, cause);
+        info!(
+            "start {=u32} after {=u32} s of operation, by {}",
+            self.life.starts, self.life.operating_s, cause
+        );
         self.keep(controller, &self.life.clone()).await;
         if let Some(note) = note {
             self.keep(controller, &StopNote { operating_s: self.life.operating_s, note }).await;
@@ -167,7 +170,8 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     }
 
     fn look_for_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        let missed = controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
+        let missed =
+            controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
             controller.happened(Code::Overrun);

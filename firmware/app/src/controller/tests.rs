@@ -124,7 +124,8 @@ impl World {
         }
         if with(Task::Store) {
             tasks.push(Box::pin(async move {
-                let store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+                let store =
+                    Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
                 let rates = KeepParams::new(&KeepConfig::VEHICLE).unwrap();
                 let mut keeper = Keeper::new(Service::new(store, NoKey, None), rates);
                 run_store(c, start, Begin { cause: ResetCause::PowerOn, note: None }, &mut keeper).await;

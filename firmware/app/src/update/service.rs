@@ -12,7 +12,8 @@ use super::wire::Answer;
 use super::{KeySource, Machine, Refusal};
 use crate::faults::Code;
 use crate::storage::{
-    HealthRecord, Kind, Live, Loaded, Record, StopNote, Store, StoreError, StoredCalibration, UpdateCounter, load,
+    HealthRecord, Kind, Live, Loaded, Record, StopNote, Store, StoreError, StoredCalibration, UpdateCounter,
+    load,
 };
 
 /// What a command led to.

@@ -10,9 +10,9 @@
 //! for one transfer, its own.
 
 use heapless::String;
+use kou_estimator::Sample;
 use kou_estimator::calibration::record;
 use kou_estimator::units::{Megapascal, Micros};
-use kou_estimator::Sample;
 
 use super::mac::{self, KeySource, TAG_LEN};
 use super::wire::{Answer, Command, segment, transfer_len};

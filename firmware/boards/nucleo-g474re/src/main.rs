@@ -30,11 +30,10 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt, peripherals};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
-use static_cell::StaticCell;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler, run_estimate,
-    run_publish, run_sample, run_store, run_supervise,
+    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler,
+    run_estimate, run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
@@ -44,6 +43,7 @@ use kou_app::update::Service;
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
+use static_cell::StaticCell;
 
 use crate::keeper::Keeper;
 use crate::pickups::Pickups;
@@ -191,8 +191,10 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
     let Ok(records) = flash::store(p.FLASH, Irqs) else {
         keeper::stop(format_args!("the flash is not set up as two banks"))
     };
-    let service = Service::new(records, flash::Provisioned, flash::default_calibration());
-    let Some(records) = RECORDS.try_init(Records::new(service, rates)) else {
+    // In place: it is two kilobytes, and no copy of it belongs on the stack.
+    let keep =
+        || Records::new(Service::new(records, flash::Provisioned, flash::default_calibration()), rates);
+    let Some(records) = RECORDS.try_init_with(keep) else {
         keeper::stop(format_args!("the records are open"))
     };
 

@@ -14,20 +14,20 @@ use core::ops::Range;
 use critical_section::Mutex;
 use embassy_time::{Duration, Timer as Wait};
 use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use embedded_storage_async::nor_flash::{
+    ErrorType as FlashErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
 use heapless::{Deque, Vec};
 use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
 use kou_app::j1939::{Frame, Id};
 use kou_app::rig::{
-    Begin, CanFrame, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork, FromHost, MAX_LEN, Order, Said, ToHost,
-    pack, unpack,
+    Begin, CanFrame, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork, FromHost, MAX_LEN, Order,
+    Said, ToHost, pack, unpack,
 };
 use kou_app::sensors::pickup::Edges;
 use kou_app::sensors::set::CHANNELS;
 use kou_app::storage::{Kind, ram};
 use kou_app::update::{Key, KeySource};
-use embedded_storage_async::nor_flash::{
-    ErrorType as FlashErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Write};
 use static_cell::ConstStaticCell;

@@ -11,7 +11,9 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::faults::FaultMemory;
 use kou_app::rig::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};
 use kou_app::storage::ram::Torn;
-use kou_app::storage::{HealthRecord, Kind, Life, RamFlash, StopNote, Store, StoredCalibration, UpdateCounter};
+use kou_app::storage::{
+    HealthRecord, Kind, Life, RamFlash, StopNote, Store, StoredCalibration, UpdateCounter,
+};
 
 /// Its cells.
 pub type Cells = RamFlash<FLASH_LEN, FLASH_PAGE>;

@@ -45,7 +45,8 @@ impl LawWatch {
             return;
         }
         self.finding.compared += 1;
-        let of_updates = tool.candidates().zip(1..).filter(|((_, may), _)| *may).map(|((params, _), n)| (params, n));
+        let of_updates =
+            tool.candidates().zip(1..).filter(|((_, may), _)| *may).map(|((params, _), n)| (params, n));
         let mut all = self.default.iter().map(|params| (params, 0)).chain(of_updates);
         match all.find(|(params, _)| expects(params, sample, output)) {
             None => self.finding.foreign += 1,

@@ -98,10 +98,7 @@ impl Outages {
     pub fn millisecond(&mut self, time_s: f64, flash: &mut Flash) {
         self.powered_s += 1e-3;
         for outage in &mut self.all {
-            if !outage.is_audited
-                && outage.finding.is_some()
-                && time_s >= outage.back_s + SETTLED_S
-            {
+            if !outage.is_audited && outage.finding.is_some() && time_s >= outage.back_s + SETTLED_S {
                 outage.audit(flash, self.powered_s);
             }
         }
@@ -147,7 +144,9 @@ impl Outages {
                 outage.expected_level = kept.map(f32::to_bits);
                 outage.before = Some(before);
             }
-            (before, now) => finding.lost.push(format!("unreadable: {:?}, {:?}", before.map(|b| b.err()), now.err())),
+            (before, now) => {
+                finding.lost.push(format!("unreadable: {:?}, {:?}", before.map(|b| b.err()), now.err()))
+            }
         }
         outage.back_s = time_s + outage.cut.off_s;
         outage.finding = Some(finding);
@@ -229,7 +228,10 @@ impl Outage {
         };
         lost("hours", lives[1].operating_s < lives[0].operating_s);
         lost("hours invented", f64::from(lives[1].operating_s) > powered_s);
-        lost("a start not counted", lives[1].starts != lives[0].starts + 1 || lives[1].unasked != lives[0].unasked + 1);
+        lost(
+            "a start not counted",
+            lives[1].starts != lives[0].starts + 1 || lives[1].unasked != lives[0].unasked + 1,
+        );
         let none = FaultMemory::new();
         let (old, new) = (before.faults.as_ref().unwrap_or(&none), after.faults.as_ref().unwrap_or(&none));
         for entry in old.entries() {

@@ -54,7 +54,9 @@ pub struct Tool {
 /// The controller's key in a scenario: from its seed, so that none stands anywhere.
 #[must_use]
 pub fn key_of(scenario: &Scenario) -> [u8; 32] {
-    core::array::from_fn(|i| (scenario.seed.rotate_left(8 * (i as u32 % 8)) as u8).wrapping_mul(167) ^ i as u8)
+    core::array::from_fn(|i| {
+        (scenario.seed.rotate_left(8 * (i as u32 % 8)) as u8).wrapping_mul(167) ^ i as u8
+    })
 }
 
 impl Tool {
@@ -77,7 +79,8 @@ impl Tool {
                 key.reverse();
             }
             let bytes = buffer.get(..length).unwrap_or_default();
-            let transfer = Transfer::new(bytes, update.counter, &Key::new(key)).map_err(|e| error(e.to_string()))?;
+            let transfer =
+                Transfer::new(bytes, update.counter, &Key::new(key)).map_err(|e| error(e.to_string()))?;
             Ok(Transaction {
                 update: update.clone(),
                 transfer,
@@ -131,7 +134,8 @@ impl Tool {
     pub fn candidates(&self) -> impl Iterator<Item = (&Params, bool)> {
         self.transactions.iter().filter_map(|one| {
             // Without an answer it may have been stored, or not.
-            let may = one.sent > 0 && one.came.as_ref().is_none_or(|(came, _)| came == "committed" || came == "silence");
+            let may = one.sent > 0
+                && one.came.as_ref().is_none_or(|(came, _)| came == "committed" || came == "silence");
             one.params.as_ref().map(|params| (params, may))
         })
     }

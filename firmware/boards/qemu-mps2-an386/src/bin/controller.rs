@@ -13,8 +13,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper, Sampler, run_estimate, run_publish, run_sample, run_store,
-    run_supervise,
+    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper, Sampler, run_estimate, run_publish, run_sample,
+    run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::rig::{FLASH_LEN, MAX_LEN, ToHost};
@@ -98,8 +98,10 @@ fn records(mut line: Line) -> Option<(Begin, &'static mut Records)> {
     let default = (!first.default.is_empty()).then_some(first.default);
     let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
     let store = Store::new(Flash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
-    let service = Service::new(store, HostKey(first.key), default);
-    let keeper = RECORDS.try_init(Keeper::new(service, KeepParams::new(&rates).ok()?))?;
+    let rates = KeepParams::new(&rates).ok()?;
+    // In place: it is two kilobytes, and no copy of it belongs on the stack.
+    let keeper =
+        RECORDS.try_init_with(|| Keeper::new(Service::new(store, HostKey(first.key), default), rates))?;
     Some((Begin { cause: first.cause, note: first.note }, keeper))
 }
 
