@@ -35,11 +35,9 @@ use kou_tests::{record_of, reference_calibration, reference_params};
 type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
 
 /// The clock is one for the whole process.
-fn clock() -> (MutexGuard<'static, ()>, &'static MockDriver) {
+fn clock() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
-    let guard = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    MockDriver::get().reset();
-    (guard, MockDriver::get())
+    CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 struct TestKey;
@@ -73,9 +71,11 @@ struct Tool {
     waits: bool,
 }
 
-impl CanPort for &RefCell<Tool> {
+struct Port<'a>(&'a RefCell<Tool>);
+
+impl CanPort for Port<'_> {
     fn receive(&mut self) -> Option<Frame> {
-        let mut tool = self.borrow_mut();
+        let mut tool = self.0.borrow_mut();
         if tool.waits || tool.to_send.is_empty() || Instant::now().as_millis() < 2_500 {
             return None;
         }
@@ -84,7 +84,7 @@ impl CanPort for &RefCell<Tool> {
     }
 
     fn send(&mut self, frame: &Frame) -> bool {
-        let mut tool = self.borrow_mut();
+        let mut tool = self.0.borrow_mut();
         if frame.id().pgn() == UPDATE {
             tool.waits = false;
             let answer = frame.data().try_into().ok().and_then(Answer::from_bytes);
@@ -110,6 +110,8 @@ fn run(
     busy: Duration,
     ms: u64,
 ) -> Run {
+    // As a reset does.
+    MockDriver::get().reset();
     let controller = Controller::<NoopRawMutex>::new();
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(Tool { to_send, ..Tool::default() });
@@ -123,7 +125,7 @@ fn run(
         let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 4] = [
             Box::pin(async move { run_sample(c, start, params, &mut Standstill(busy)).await }),
             Box::pin(async move { run_estimate(c, start).await }),
-            Box::pin(async move { run_publish(c, start, &mut Bus::new(tool, node, c)).await }),
+            Box::pin(async move { run_publish(c, start, &mut Bus::new(Port(tool), node, c)).await }),
             Box::pin(async move { run_store(c, start, begin, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
@@ -162,7 +164,7 @@ const NOT_BUSY: Duration = Duration::from_ticks(0);
 
 #[test]
 fn learned_health_is_restored_with_its_own_calibration_and_with_no_other() {
-    let (_guard, _) = clock();
+    let _guard = clock();
     let (params, state) = (reference_params(), learned(1));
     let default = record_of(&reference_calibration());
     for (crc, is_kept) in [(crc_of(&default), true), (crc_of(&default) ^ 1, false)] {
@@ -180,7 +182,7 @@ fn learned_health_is_restored_with_its_own_calibration_and_with_no_other() {
 
 #[test]
 fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_outlasts_a_restart() {
-    let (_guard, _) = clock();
+    let _guard = clock();
     let addresses = Addresses { controller: 0x8C, tool: 0xF9 };
     let new = frames(&reference_calibration(), 1, &Key::new(KEY), addresses).unwrap();
     let before = run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 1_000);
@@ -206,7 +208,7 @@ fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_o
 
 #[test]
 fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
-    let (_guard, _) = clock();
+    let _guard = clock();
     let first = run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 9_000);
     let hours = read::<Life>(&first.flash).unwrap();
     assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
@@ -230,7 +232,7 @@ fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
 
 #[test]
 fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
-    let (_guard, _) = clock();
+    let _guard = clock();
     let mut flash = Flash::new();
     flash.cut_after(0, Torn::Clean);
     let default = record_of(&reference_calibration());
@@ -246,7 +248,7 @@ fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
 
 #[test]
 fn missed_deadlines_are_a_trouble() {
-    let (_guard, _) = clock();
+    let _guard = clock();
     let late = run(Flash::new(), None, power_on(), Vec::new(), Duration::from_millis(4), 7_000);
     let faults = read::<FaultMemory>(&late.flash);
     let in_memory = late.controller.faults(|memory| memory.get(Code::Overrun).is_some());
