@@ -128,10 +128,10 @@ fn qemu_loop_brown_out_in_the_middle_of_a_flash_write_loses_nothing() {
         assert!(report.outages.iter().any(|outage| outage.found == Some(found)), "{found}");
     }
     for outage in &report.outages {
-        // Restarted, searched, judged: a tenth of a second where the drive is loaded then.
+        // Restarted, flash searched, judged; valid at once where the drive is loaded then.
         let (first_s, valid_s) = (outage.first_output_s, outage.valid_s);
-        assert!(first_s.is_some_and(|s| s <= 0.1), "{outage:?}");
-        assert!(outage.during == "calibration" || valid_s.is_some_and(|s| s <= 0.1), "{outage:?}");
+        assert!(first_s.is_some_and(|s| s <= 0.2), "{outage:?}");
+        assert!(outage.during == "calibration" || valid_s.is_some_and(|s| s <= 0.2), "{outage:?}");
         // Hours are written every four seconds of this scenario, one record a second.
         assert!(outage.operating_s[1] + 10 >= outage.operating_s[0], "{outage:?}");
     }

@@ -108,15 +108,18 @@ impl Line {
 
 static LINE: Mutex<RefCell<Option<Line>>> = Mutex::new(RefCell::new(None));
 
-/// One message out, one in. Interrupts are off meanwhile, and time stands still in the host's turn.
+/// One message out, one in. Interrupts are off meanwhile, and time stands still in the host's turn; packing and unpacking, which
+/// take time, are left out of that.
 fn ask<T: serde::de::DeserializeOwned>(said: &Said) -> Option<T> {
-    critical_section::with(|cs| {
+    let (mut out, mut back) = ([0; MAX_LEN], [0; MAX_LEN]);
+    let bytes = pack(said, &mut out)?;
+    let length = critical_section::with(|cs| {
         let mut line = LINE.borrow_ref_mut(cs);
         let line = line.as_mut()?;
-        let mut buffer = [0; MAX_LEN];
-        line.to_host.write_all(pack(said, &mut buffer)?).ok()?;
-        unpack(line.receive(&mut buffer)?).map(|(answer, _)| answer)
-    })
+        line.to_host.write_all(bytes).ok()?;
+        line.receive(&mut back).map(<[u8]>::len)
+    })?;
+    unpack(back.get(..length)?).map(|(answer, _)| answer)
 }
 
 /// The flash, whose cells are the host's; reads are from a copy in RAM, at once, as from flash that lies in memory.

@@ -3,6 +3,7 @@
 use kou_app::controller::NoEstimate;
 use kou_app::faults::{Code, FaultMemory};
 use kou_app::storage::Kind;
+use kou_estimator::calibration::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
@@ -202,6 +203,13 @@ fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
     // Health needs parameters only to judge samples; which ones is the same for what is told of an empty one.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
+    let mut buffer = [0; record::MAX_LEN];
+    let default = record::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
+    let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
+    let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
+    if health.calibration_crc != crc {
+        return None;
+    }
     let mut state = State::with_health(health.state);
     Some(step(&params, &mut state, &Sample::empty(Micros(0))).health.level.get())
 }
@@ -245,6 +253,7 @@ impl Outage {
         lost("learned health", before.health.is_some() && after.health.is_none());
         let level = self.expected_level.map(f32::from_bits).map(f64::from);
         lost("level", level.is_some() && finding.level_after != level);
-        finding.met = finding.lost.is_empty() && finding.valid_s.is_some();
+        // Whether and when it is valid again depends on the drive too: the scenario's expectations say.
+        finding.met = finding.lost.is_empty() && finding.first_output_s.is_some();
     }
 }
