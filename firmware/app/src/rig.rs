@@ -54,6 +54,7 @@ pub struct Begin<'a> {
 }
 
 /// An operation of the flash.
+#[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FlashWork {
     /// Reads bytes, [`FLASH_CHUNK`] at most.
