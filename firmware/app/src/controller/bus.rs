@@ -12,6 +12,7 @@ use kou_estimator::{Estimate, Fault, Reason, Sample};
 use super::{Controller, NoEstimate, Publish};
 use crate::faults::{Code, Snapshot};
 use crate::j1939::{Frame, Node, Outputs, Received};
+use crate::log::info;
 
 /// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
 const MAX_IN: usize = 32;
@@ -68,8 +69,9 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
         let is_lost = self.node.is_silenced();
         let failed = &mut self.failed;
+        let mut came = [None; Channel::ALL.len()];
         self.controller.faults(|faults| {
-            for (channel, before) in Channel::ALL.into_iter().zip(failed) {
+            for ((channel, before), came) in Channel::ALL.into_iter().zip(failed).zip(&mut came) {
                 let Some(sample) = sample else { break };
                 let fault = fault_of(sample, channel);
                 if fault == *before {
@@ -80,6 +82,7 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
                 }
                 if let Some(fault) = fault {
                     faults.confirmed(Code::Sensor(channel, fault), snapshot);
+                    *came = Some(Code::Sensor(channel, fault));
                 }
                 *before = fault;
             }
@@ -95,6 +98,10 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
                 }
             }
         });
+        // Not while others are locked out: writing a log takes long.
+        for code in came.into_iter().flatten() {
+            info!("trouble {}", code);
+        }
     }
 
     fn send(&mut self, frame: &Frame) {

@@ -67,6 +67,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::faults::{Code, FaultMemory, Snapshot};
 use crate::j1939::CalibrationState;
+use crate::log::info;
 use crate::storage::Kind;
 
 /// Period of [`run_sample`].
@@ -171,6 +172,7 @@ impl<M: RawMutex> Controller<M> {
     }
 
     fn happened(&self, code: Code) {
+        info!("trouble {}", code);
         let snapshot = self.snapshot();
         self.faults(|memory| memory.happened(code, snapshot));
     }

@@ -12,7 +12,6 @@ use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
 use super::code::{Code, Dtc, Lamp};
-use crate::log::info;
 
 /// Troubles that the memory holds.
 pub const CAPACITY: usize = 12;
@@ -244,10 +243,6 @@ impl FaultMemory {
 
     fn occurs(&mut self, code: Code, snapshot: Snapshot, active: bool) {
         let dtc = code.dtc();
-        if !self.entries.iter().any(|entry| entry.dtc == dtc) {
-            // The first of its kind only: what somebody on the bus repeats must not flood the log.
-            info!("trouble {}", code);
-        }
         self.takes(&Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
     }
 

@@ -175,31 +175,25 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
     // Setting a pin cannot fail.
     let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
     let front_end = Sampler::new(Mcp3208::new(device), Pickups::new(p.TIM2, p.PA0, p.PA1, Irqs));
-    let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else {
-        keeper::stop(format_args!("the wiring is refused"))
-    };
+    let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { keeper::stop(format_args!("wiring")) };
 
     let Ok(name) = Name::new(&NameConfig::transmission(identity())) else {
-        keeper::stop(format_args!("the name is refused"))
+        keeper::stop(format_args!("name"))
     };
     let Some(port) = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs) else {
-        keeper::stop(format_args!("the CAN queues are taken"))
+        keeper::stop(format_args!("CAN"))
     };
-    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else {
-        keeper::stop(format_args!("the rates of writing are refused"))
-    };
+    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop(format_args!("rates")) };
     let Ok(records) = flash::store(p.FLASH, Irqs) else {
-        keeper::stop(format_args!("the flash is not set up as two banks"))
+        keeper::stop(format_args!("flash is not two banks"))
     };
     // In place: it is two kilobytes, and no copy of it belongs on the stack.
     let keep =
         || Records::new(Service::new(records, flash::Provisioned, flash::default_calibration()), rates);
-    let Some(records) = RECORDS.try_init_with(keep) else {
-        keeper::stop(format_args!("the records are open"))
-    };
+    let Some(records) = RECORDS.try_init_with(keep) else { keeper::stop(format_args!("records")) };
 
     let Some(shared) = CONTROLLER.try_init_with(Controller::new) else {
-        keeper::stop(format_args!("the controller runs"))
+        keeper::stop(format_args!("shared"))
     };
     let shared: &'static Shared = shared;
 
@@ -224,6 +218,6 @@ async fn main(spawner: Spawner) {
     defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
     let begin = keeper::begin();
     if start(spawner, p, begin).is_err() {
-        keeper::stop(format_args!("a task could not be started"));
+        keeper::stop(format_args!("task"));
     }
 }
