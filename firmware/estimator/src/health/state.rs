@@ -499,7 +499,7 @@ impl HealthState {
         let [variance, ..] = self.filter.variances();
         // What wear may have changed since the last block that was used.
         let drift = params.health.config.level_drift_per_h;
-        let aged = variance + drift * drift * self.hours_since(time) + params.health.systematic2;
+        let aged = variance + drift * drift * self.hours_since(time) + params.health.systematic_variance(1.0 + level);
         self.told = Health {
             gate: self.told.gate,
             level: Ratio(1.0 + level),
