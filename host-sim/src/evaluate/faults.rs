@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use kou_estimator::CalibrationError;
+use kou_estimator::Params;
 use kou_estimator::health::Cause;
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedModel;
-use kou_estimator::Params;
 
 use super::world::{Event, Fault};
 

@@ -127,7 +127,9 @@ impl Setting {
                     .collect()
             })
             .collect();
-        (0..courses.len()).map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect()).collect()
+        (0..courses.len())
+            .map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect())
+            .collect()
     }
 
     fn start(&self, number: u64) -> Journey {

@@ -83,10 +83,10 @@ impl Judge {
         self.diagnosis.explained()
     }
 
-    /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
-    pub fn explain(&mut self, explained: &[f32; CAUSES], judge_blocks: u16) {
+    /// Finds the causes that remain, once `judge_blocks` blocks have been taken, of which each is `per_block` decisions.
+    pub fn explain(&mut self, explained: &[f32; CAUSES], judge_blocks: u16, per_block: f32) {
         if self.diagnosis.blocks() >= u32::from(judge_blocks) {
-            self.causes = remaining(explained);
+            self.causes = remaining(explained, per_block * self.diagnosis.weight());
         }
     }
 
@@ -104,7 +104,7 @@ impl Judge {
         if self.diagnosis.blocks() < u32::from(judge_blocks) {
             return Verdict::Unchanged;
         }
-        if self.causes.no_leakage() && !self.suspect && self.diagnosis.blocks() == u32::from(judge_blocks) {
+        if self.causes.no_leakage() && !self.suspect {
             self.suspect = true;
             self.as_before = 0;
             return Verdict::SensorSuspected;

@@ -429,7 +429,7 @@ impl HealthState {
         let config = &params.health.config;
         let unexplained = self.used.unexplained / self.used.per_level;
         let judge_blocks = params.health.judge_blocks;
-        self.judge.explain(&self.used.explained, judge_blocks);
+        self.judge.explain(&self.used.explained, judge_blocks, 1.0 / config.misfit_blocks);
         match self.judge.judge(unexplained, config.report_change, judge_blocks) {
             Verdict::Unchanged => {}
             Verdict::SensorSuspected => {
@@ -499,7 +499,9 @@ impl HealthState {
         let [variance, ..] = self.filter.variances();
         // What wear may have changed since the last block that was used.
         let drift = params.health.config.level_drift_per_h;
-        let aged = variance + drift * drift * self.hours_since(time) + params.health.systematic_variance(1.0 + level);
+        let aged = variance
+            + drift * drift * self.hours_since(time)
+            + params.health.systematic_variance(1.0 + level);
         self.told = Health {
             gate: self.told.gate,
             level: Ratio(1.0 + level),
