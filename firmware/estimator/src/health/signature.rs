@@ -261,3 +261,40 @@ pub fn remaining(explained: &[f32; CAUSES], decisions: f32) -> Causes {
     }
     causes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DECISIONS: f32 = 100.0;
+
+    fn with(fits: &[(Cause, f32)]) -> Causes {
+        let mut explained = [0.0; CAUSES];
+        for (cause, fit) in fits {
+            explained[*cause as usize] = *fit;
+        }
+        remaining(&explained, DECISIONS)
+    }
+
+    #[test]
+    fn cause_that_explains_less_by_no_more_than_the_laws_misfit_could_remains() {
+        // 100 decisions: 80 units are what the misfit may do.
+        let both = with(&[(Cause::Wear, 500.0), (Cause::Temperature, 421.0)]);
+        assert!(both.contains(Cause::Wear) && both.contains(Cause::Temperature) && !both.only_leakage());
+        let wear = with(&[(Cause::Wear, 500.0), (Cause::Temperature, 419.0)]);
+        assert!(wear.only_leakage());
+        // With few decisions evidence itself is short: 25 units.
+        let mut explained = [0.0; CAUSES];
+        explained[Cause::Wear as usize] = 24.0;
+        assert_eq!(remaining(&explained, 1.0).iter().count(), CAUSES);
+    }
+
+    #[test]
+    fn temperature_alone_is_believed_only_where_it_is_three_times_clearer() {
+        let both = with(&[(Cause::Temperature, 500.0), (Cause::Wear, 261.0)]);
+        assert!(both.contains(Cause::Wear) && !both.no_leakage() && !both.only_leakage());
+        assert!(with(&[(Cause::Temperature, 500.0), (Cause::Wear, 259.0)]).no_leakage());
+        // Another sensor is believed at once.
+        assert!(with(&[(Cause::MotorSpeedOffset, 500.0), (Cause::Wear, 261.0)]).no_leakage());
+    }
+}
