@@ -242,11 +242,15 @@ impl Diagnosis {
     }
 }
 
-/// The causes that remain after a number of decisions: those that explain nearly as much as the best.
-#[must_use]
-pub fn remaining(explained: &[f32; CAUSES], decisions: f32) -> Causes {
+/// Difference in fit from which a cause is ruled out after a number of decisions.
+pub fn ruled_out_after(decisions: f32) -> f32 {
     let of_misfit = RULED_OUT_PER_DECISION * decisions;
-    let ruled_out = if of_misfit > RULED_OUT { of_misfit } else { RULED_OUT };
+    if of_misfit > RULED_OUT { of_misfit } else { RULED_OUT }
+}
+
+/// The causes that remain: those that explain as much as the best but for less than `ruled_out`.
+#[must_use]
+pub fn remaining(explained: &[f32; CAUSES], ruled_out: f32) -> Causes {
     // A comparison, since `max` would be a call of a function.
     let best = explained.iter().fold(0.0, |best, value| if *value > best { *value } else { best });
     let mut causes = Causes::default();
@@ -273,7 +277,7 @@ mod tests {
         for (cause, fit) in fits {
             explained[*cause as usize] = *fit;
         }
-        remaining(&explained, DECISIONS)
+        remaining(&explained, ruled_out_after(DECISIONS))
     }
 
     #[test]
@@ -286,7 +290,7 @@ mod tests {
         // With few decisions evidence itself is short: 25 units.
         let mut explained = [0.0; CAUSES];
         explained[Cause::Wear as usize] = 24.0;
-        assert_eq!(remaining(&explained, 1.0).iter().count(), CAUSES);
+        assert_eq!(remaining(&explained, ruled_out_after(1.0)).iter().count(), CAUSES);
     }
 
     #[test]

@@ -79,6 +79,8 @@ pub(super) struct Used {
     pub(super) unexplained: f32,
     /// What each cause explains of the deficits since the change, in units of chi-squared.
     pub(super) explained: [f32; CAUSES],
+    /// Difference of that from which a cause is ruled out.
+    pub(super) ruled_out: f32,
 }
 
 impl Used {
@@ -96,6 +98,7 @@ impl Used {
             of_others: [0.0; OTHER_SIGNATURES],
             unexplained: 0.0,
             explained: [0.0; CAUSES],
+            ruled_out: 0.0,
         }
     }
 }
@@ -150,6 +153,7 @@ impl HealthState {
             Stage::Regress => self.regress(),
             Stage::Explain => {
                 self.used.explained = self.judge.explained();
+                self.used.ruled_out = self.judge.ruled_out(1.0 / params.health.config.misfit_blocks);
                 Stage::Conclude
             }
             Stage::Conclude => self.conclude(params),
@@ -298,7 +302,7 @@ impl HealthState {
         let config = &params.health.config;
         let unexplained = self.used.unexplained / self.used.per_level;
         let judge_blocks = params.health.judge_blocks;
-        self.judge.explain(&self.used.explained, judge_blocks, 1.0 / config.misfit_blocks);
+        self.judge.explain(&self.used.explained, self.used.ruled_out, judge_blocks);
         match self.judge.judge(unexplained, config.report_change, judge_blocks) {
             Verdict::Unchanged => {}
             Verdict::SensorSuspected => {
