@@ -202,14 +202,16 @@ mod tests {
         let rows: Vec<&[f64]> = terms.iter().map(<[f64; 10]>::as_slice).collect();
         let kou: Vec<f64> = points.iter().map(|[x, y, z]| 0.02 + 0.03 * x + 0.02 * y * z).collect();
         let of = Discrepancy::new(Basis::over(&points, 0.35), 0.02, &points, &rows, &kou);
-        for j in 0..10 {
-            for k in 0..of.count() {
-                let dot: f64 = (0..points.len())
-                    .map(|i| of.at(&points[i], rows[i], kou[i]).kou[k] * terms[i][j] / kou[i].powi(2))
-                    .sum();
-                // Each factor is of order one or below, times 45 points and 1/Kou up to 40: rounding only.
-                assert!(dot.abs() < 1e-9, "term {j}, function {k}: {dot}");
+        for k in 0..of.basis.count() {
+            let mut dots = [0.0; 10];
+            for ((point, terms), kou) in points.iter().zip(&terms).zip(&kou) {
+                let function = of.at(point, terms, *kou).kou[k];
+                for (dot, term) in dots.iter_mut().zip(terms) {
+                    *dot += function * term / kou.powi(2);
+                }
             }
+            // Each factor is of order one or below, times 45 points and 1/Kou up to 40: rounding only.
+            assert!(dots.iter().all(|dot| dot.abs() < 1e-9), "function {k}: {dots:?}");
         }
     }
 }
