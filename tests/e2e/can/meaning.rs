@@ -37,6 +37,7 @@ fn reason_name(reason: Option<Reason>) -> Value {
             format!("outside region:{}", words.replace("plus", "+").replace("minus", "-"))
         }
         Some(Reason::KouImplausible) => "Kou implausible".to_owned(),
+        Some(Reason::SensorSuspected) => "sensor suspected".to_owned(),
         Some(reason) => reason.name().replace('_', " "),
     })
 }

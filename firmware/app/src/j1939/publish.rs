@@ -47,6 +47,7 @@ pub const fn reason_code(reason: Reason) -> u32 {
         Reason::RatioNotPositive => 8,
         Reason::RatioAboveLeakFree => 9,
         Reason::KouImplausible => 10,
+        Reason::SensorSuspected => 11,
         Reason::OutsideRegion(direction) => 16 + direction_code(direction),
     }
 }

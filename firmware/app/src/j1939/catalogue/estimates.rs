@@ -95,6 +95,7 @@ pub const REASONS: &[(u32, &str)] = &[
     (8, "ratio not positive"),
     (9, "ratio above leak free"),
     (10, "Kou implausible"),
+    (11, "sensor suspected"),
     (16, "outside region: speed"),
     (17, "outside region: pressure"),
     (18, "outside region: temperature"),

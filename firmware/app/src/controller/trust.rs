@@ -1,0 +1,198 @@
+//! What may be told of an estimate while it is open whether a sensor or the machine has changed.
+//!
+//! An in-range offset or a slow drift of one sensor looks like leakage as long as nothing else measures the same. What the drive has
+//! learned of its leakage contradicts it: leakage changes by wear, that is slowly. So the coefficient seen is compared with the level
+//! learned times the law:
+//!
+//! ```text
+//! e   = max(0, |Kou_seen - level Kou_law| - s_seen - 2 s_level Kou_law)
+//! s'  = sqrt(s^2 + e^2)
+//! ```
+//!
+//! Either what is seen is right and the machine has changed, or what was learned is right and a sensor has: `e` apart, so both lie
+//! within the standard error told. From a change that health reports until its cause is known the level before the change
+//! stands for what was learned. Only leakage explains it: what is seen is right again. Only a sensor, the displacement or the oil
+//! does: the estimate is invalid, [`Reason::SensorSuspected`], until the deficit is as before.
+//!
+//! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
+//! What changes more slowly than health's drift watch can tell from wear is wear to it.
+
+use kou_estimator::health::{Change, Health, Stage};
+use kou_estimator::units::LeakageCoefficient;
+use kou_estimator::{Estimate, Reason};
+
+/// Standard errors of the level that are no contradiction yet.
+const LEVEL_SIGMAS: f32 = 2.0;
+
+/// A level of leakage over the law's, as learned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Learned {
+    level: f32,
+    level_se: f32,
+}
+
+/// What was learned before the change that is open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trust {
+    latest: Learned,
+    open: Option<Learned>,
+    changes: u16,
+}
+
+impl Trust {
+    /// Nothing learned.
+    #[must_use]
+    pub const fn new() -> Self {
+        let nothing = Health::new();
+        Self {
+            latest: Learned { level: nothing.level.get(), level_se: nothing.level_se.get() },
+            open: None,
+            changes: 0,
+        }
+    }
+
+    /// The estimate as it may be told; `last_change` is the last one that health has reported.
+    #[must_use]
+    pub fn judge(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
+        let health = &estimate.health;
+        if let (true, Some(change)) = (health.changes != self.changes, last_change) {
+            // A further change while one is open does not make the level between them known.
+            self.open = self.open.or(Some(Learned { level: change.from.get(), ..self.latest }));
+        }
+        self.changes = health.changes;
+        if health.wear == Stage::Confirmed && health.causes.only_leakage() {
+            self.open = None;
+        }
+        self.latest = Learned { level: health.level.get(), level_se: health.level_se.get() };
+        let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.seen) else { return estimate };
+        if health.sensor == Stage::Confirmed {
+            let suspected = Reason::SensorSuspected;
+            return Estimate { expected: Err(suspected), seen: Err(suspected), ..estimate };
+        }
+        let known = self.open.unwrap_or(self.latest);
+        let law = expected.kou.get();
+        let apart = (seen.kou.get() - known.level * law).abs();
+        let excess = apart - seen.kou_se.get() - LEVEL_SIGMAS * known.level_se * law;
+        if excess <= 0.0 {
+            return estimate;
+        }
+        let mut told = estimate;
+        // The wrong sensor may be one that the law takes, too.
+        told.seen = Ok(kou_estimator::Seen { kou_se: joined(seen.kou_se, excess), ..seen });
+        told.expected = Ok(kou_estimator::Expected { kou_se: joined(expected.kou_se, excess), ..expected });
+        told
+    }
+}
+
+fn joined(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
+    let own = standard_error.get();
+    LeakageCoefficient(libm::sqrtf(own * own + excess * excess))
+}
+
+#[cfg(test)]
+mod tests {
+    use kou_estimator::health::{Cause, Causes};
+    use kou_estimator::units::{LitrePerMin, Micros, Ratio};
+    use kou_estimator::{Expected, Seen};
+
+    use super::*;
+
+    const LAW: f32 = 0.07;
+    const SE: f32 = 0.003;
+
+    fn estimate(seen: f32, level: f32, health: Health) -> Estimate {
+        let (ratio, efficiency, leakage) = (Ratio(0.93), Ratio(0.93), LitrePerMin(15.0));
+        Estimate {
+            time: Micros(0),
+            expected: Ok(Expected {
+                kou: LeakageCoefficient(LAW),
+                kou_se: LeakageCoefficient(SE),
+                ratio,
+                volumetric_efficiency: efficiency,
+                leakage,
+            }),
+            seen: Ok(Seen {
+                ratio,
+                kou: LeakageCoefficient(seen),
+                kou_se: LeakageCoefficient(SE),
+                volumetric_efficiency: efficiency,
+                leakage,
+            }),
+            health: Health { level: Ratio(level), level_se: Ratio(0.02), ..health },
+        }
+    }
+
+    fn se(estimate: Estimate) -> f32 {
+        estimate.seen.unwrap().kou_se.get()
+    }
+
+    fn causes(of: &[Cause]) -> Causes {
+        let bits = of.iter().fold(0_u16, |bits, cause| bits | 1 << *cause as u16);
+        let mut buffer = [0; 4];
+        postcard::from_bytes(postcard::to_slice(&bits, &mut buffer).unwrap()).unwrap()
+    }
+
+    fn change(from: f32, to: f32) -> Option<Change> {
+        Some(Change { time: Micros(1), from: Ratio(from), to: Ratio(to), step: true })
+    }
+
+    #[test]
+    fn what_agrees_with_the_level_learned_is_told_as_it_is() {
+        let mut trust = Trust::new();
+        let agrees = estimate(1.3 * LAW, 1.3, Health::new());
+        assert_eq!(trust.judge(None, agrees), agrees);
+    }
+
+    #[test]
+    fn a_contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_three() {
+        for seen in [0.3, 0.7, 1.3, 2.0, 5.0] {
+            let told = Trust::new().judge(None, estimate(seen * LAW, 1.0, Health::new()));
+            assert!((seen - 1.0).abs() * LAW < 3.0 * se(told), "{seen}: {}", se(told));
+            assert!(se(told) > SE && told.expected.unwrap().kou_se.get() > SE, "{seen}");
+        }
+    }
+
+    #[test]
+    fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
+        let mut trust = Trust::new();
+        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        let followed = Health { changes: 1, ..Health::new() };
+        for _ in 0..3 {
+            let told = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
+            assert!(0.5 * LAW < 3.0 * se(told), "{}", se(told));
+        }
+        // A second one does not make the level between them known.
+        let twice = Health { changes: 2, ..Health::new() };
+        let told = trust.judge(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
+        assert!(0.8 * LAW < 3.0 * se(told), "{}", se(told));
+        // Back where it was nothing is open.
+        let back = estimate(LAW, 1.0, twice);
+        assert_eq!(trust.judge(change(1.5, 1.8), back), back);
+    }
+
+    #[test]
+    fn confirmed_wear_is_believed_and_a_suspected_sensor_is_not() {
+        let both = causes(&[Cause::Wear, Cause::Displacement]);
+        let open = Health { changes: 1, causes: both, ..Health::new() };
+        let mut trust = Trust::new();
+        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
+        let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
+        let believed = estimate(1.5 * LAW, 1.5, worn);
+        assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
+
+        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: Stage::Confirmed, ..open };
+        let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        assert_eq!(told.seen, Err(Reason::SensorSuspected));
+        assert_eq!(told.expected, Err(Reason::SensorSuspected));
+        let healed = Health { sensor: Stage::Healed, ..suspected };
+        assert!(Trust::new().judge(change(1.0, 1.5), estimate(LAW, 1.0, healed)).seen.is_ok());
+    }
+
+    #[test]
+    fn a_reason_of_the_estimator_stays() {
+        let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
+        invalid.seen = Err(Reason::RatioAboveLeakFree);
+        assert_eq!(Trust::new().judge(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
+    }
+}
