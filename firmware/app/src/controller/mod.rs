@@ -33,9 +33,9 @@ mod publish;
 mod sample;
 mod store;
 mod supervise;
-mod trust;
 #[cfg(test)]
 mod tests;
+mod trust;
 mod vital;
 
 pub use bus::{Bus, CanPort};

@@ -147,7 +147,8 @@ fn in_neutral_one_line_outside_charge_pressure_is_blamed_alone_and_stays_so_whil
 #[test]
 fn a_thermometer_that_another_one_contradicts_is_implausible_until_both_agree() {
     let mut bench = Bench::new();
-    for (other, ms, fault) in [(51.0, 2000, None), (49.0, 700, Some(Fault::Implausible)), (55.0, 1500, None)] {
+    for (other, ms, fault) in [(51.0, 2000, None), (49.0, 700, Some(Fault::Implausible)), (55.0, 1500, None)]
+    {
         bench.other_oil = Reading::new(Micros(0), Celsius(other));
         let sample = bench.run(ms, CRUISE);
         assert_eq!(sample.oil_temperature.value.err(), fault, "{other}");
