@@ -10,19 +10,30 @@
 //! ```
 //!
 //! Either what is seen is right and the machine has changed, or what was learned is right and a sensor has: `e` apart, so both lie
-//! within the standard error told. From a change that health reports until its cause is known the level before the change
-//! stands for what was learned. Only leakage explains it: what is seen is right again. Only a sensor, the displacement or the oil
-//! does: the estimate is invalid, [`Reason::SensorSuspected`], until the deficit is as before.
+//! within the standard error told. Health goes on learning and follows the wrong sensor, too, so what was learned before stands
+//! from the first contradiction on. It is an open question once contradictions have lasted for [`OPENS`], or health reports a change.
+//!
+//! * Only leakage explains it (health confirms wear): what is seen is right, and the question is closed.
+//! * Only a sensor, the displacement or the oil does: the estimate is invalid, [`Reason::SensorSuspected`], until for
+//!   [`AGREES`] what is seen has been as before.
+//! * What is seen and what health has learned are both as before for [`CLOSES`]: closed.
 //!
 //! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
 //! What changes more slowly than health's drift watch can tell from wear is wear to it.
 
 use kou_estimator::health::{Change, Health, Stage};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Reason};
+use kou_estimator::{Estimate, Expected, Reason, Seen};
 
 /// Standard errors of the level that are no contradiction yet.
 const LEVEL_SIGMAS: f32 = 2.0;
+
+/// Estimates, one each 10 ms, that contradict before there is a question: 5 s.
+const OPENS: u16 = 500;
+/// Estimates in a row that do not, after which a suspected sensor is used again: 5 s.
+const AGREES: u16 = 500;
+/// Estimates in a row that do not, after which the question is closed: a minute.
+const CLOSES: u16 = 6000;
 
 /// A level of leakage over the law's, as learned.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,11 +42,16 @@ struct Learned {
     level_se: f32,
 }
 
-/// What was learned before the change that is open.
+/// What was learned before it was contradicted, and for how long it has been.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trust {
-    latest: Learned,
-    open: Option<Learned>,
+    /// Learned; stands still as long as there are contradictions.
+    learned: Learned,
+    is_open: bool,
+    /// Contradictions, less estimates without, since the last time that there were none.
+    contradicted: u16,
+    /// Estimates in a row without.
+    agreed: u16,
     changes: u16,
 }
 
@@ -43,45 +59,70 @@ impl Trust {
     /// Nothing learned.
     #[must_use]
     pub const fn new() -> Self {
-        let nothing = Health::new();
-        Self {
-            latest: Learned { level: nothing.level.get(), level_se: nothing.level_se.get() },
-            open: None,
-            changes: 0,
-        }
+        Self { learned: learned(&Health::new()), is_open: false, contradicted: 0, agreed: AGREES, changes: 0 }
     }
 
     /// The estimate as it may be told; `last_change` is the last one that health has reported.
     #[must_use]
     pub fn judge(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
-        let health = &estimate.health;
-        if let (true, Some(change)) = (health.changes != self.changes, last_change) {
-            // A further change while one is open does not make the level between them known.
-            self.open = self.open.or(Some(Learned { level: change.from.get(), ..self.latest }));
-        }
-        self.changes = health.changes;
-        if health.wear == Stage::Confirmed && health.causes.only_leakage() {
-            self.open = None;
-        }
-        self.latest = Learned { level: health.level.get(), level_se: health.level_se.get() };
+        self.follow(&estimate.health, last_change);
         let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.seen) else { return estimate };
-        if health.sensor == Stage::Confirmed {
+        let law = expected.kou.get();
+        let apart = (seen.kou.get() - self.learned.level * law).abs();
+        let excess = apart - seen.kou_se.get() - LEVEL_SIGMAS * self.learned.level_se * law;
+        self.count(excess > 0.0);
+        if estimate.health.sensor == Stage::Confirmed && self.agreed < AGREES {
             let suspected = Reason::SensorSuspected;
             return Estimate { expected: Err(suspected), seen: Err(suspected), ..estimate };
         }
-        let known = self.open.unwrap_or(self.latest);
-        let law = expected.kou.get();
-        let apart = (seen.kou.get() - known.level * law).abs();
-        let excess = apart - seen.kou_se.get() - LEVEL_SIGMAS * known.level_se * law;
         if excess <= 0.0 {
             return estimate;
         }
-        let mut told = estimate;
         // The wrong sensor may be one that the law takes, too.
-        told.seen = Ok(kou_estimator::Seen { kou_se: joined(seen.kou_se, excess), ..seen });
-        told.expected = Ok(kou_estimator::Expected { kou_se: joined(expected.kou_se, excess), ..expected });
-        told
+        Estimate {
+            expected: Ok(Expected { kou_se: joined(expected.kou_se, excess), ..expected }),
+            seen: Ok(Seen { kou_se: joined(seen.kou_se, excess), ..seen }),
+            ..estimate
+        }
     }
+
+    /// Opens and closes the question by what health says, and takes over what it has learned while there is none.
+    fn follow(&mut self, health: &Health, last_change: Option<Change>) {
+        if let (true, Some(change), false) = (health.changes != self.changes, last_change, self.is_open) {
+            self.is_open = true;
+            if self.contradicted == 0 {
+                // After a restart nothing was learned before it but by health.
+                let level_se = self.learned.level_se.min(health.level_se.get());
+                self.learned = Learned { level: change.from.get(), level_se };
+            }
+        }
+        self.changes = health.changes;
+        let now = learned(health);
+        let is_as_before = (now.level - self.learned.level).abs() <= LEVEL_SIGMAS * now.level_se;
+        let is_wear = health.wear == Stage::Confirmed && health.causes.only_leakage();
+        if is_wear || (is_as_before && self.agreed >= CLOSES) {
+            self.is_open = false;
+            self.contradicted = 0;
+        }
+        if !self.is_open && self.contradicted == 0 {
+            self.learned = now;
+        }
+    }
+
+    fn count(&mut self, contradicts: bool) {
+        if contradicts {
+            self.contradicted = self.contradicted.saturating_add(1).min(OPENS);
+            self.agreed = 0;
+            self.is_open |= self.contradicted == OPENS;
+        } else {
+            self.contradicted = self.contradicted.saturating_sub(1);
+            self.agreed = self.agreed.saturating_add(1).min(CLOSES);
+        }
+    }
+}
+
+const fn learned(health: &Health) -> Learned {
+    Learned { level: health.level.get(), level_se: health.level_se.get() }
 }
 
 fn joined(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
@@ -93,7 +134,6 @@ fn joined(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient
 mod tests {
     use kou_estimator::health::{Cause, Causes};
     use kou_estimator::units::{LitrePerMin, Micros, Ratio};
-    use kou_estimator::{Expected, Seen};
 
     use super::*;
 
@@ -185,8 +225,35 @@ mod tests {
         let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(told.seen, Err(Reason::SensorSuspected));
         assert_eq!(told.expected, Err(Reason::SensorSuspected));
-        let healed = Health { sensor: Stage::Healed, ..suspected };
-        assert!(Trust::new().judge(change(1.0, 1.5), estimate(LAW, 1.0, healed)).seen.is_ok());
+        // As before for five seconds: used again, whatever health still waits for.
+        let mut trust = Trust::new();
+        let _ = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        for i in 1..=AGREES {
+            let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
+            assert_eq!(told.seen.is_ok(), i == AGREES, "{i}");
+        }
+    }
+
+    #[test]
+    fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
+        let mut trust = Trust::new();
+        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        let mut level = 1.0;
+        for i in 0..3000 {
+            // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
+            level += 0.001 * (0.5 - level);
+            let seen = if i % 10 == 0 { 0.97 } else { 0.5 };
+            let told = trust.judge(None, estimate(seen * LAW, level, Health::new()));
+            assert!((1.0 - seen) * LAW < 3.0 * se(told), "{i}: {}", se(told));
+        }
+        // The sensor is right again, health not yet: what is seen is told as it is.
+        let agrees = estimate(LAW, level, Health::new());
+        for _ in 0..2 * CLOSES {
+            assert_eq!(trust.judge(None, agrees), agrees);
+        }
+        assert!(trust.is_open);
+        let _ = trust.judge(None, estimate(LAW, 0.99, Health::new()));
+        assert!(!trust.is_open);
     }
 
     #[test]
