@@ -30,9 +30,11 @@ const LEVEL_SIGMAS: f32 = 2.0;
 
 /// Estimates, one each 10 ms, that contradict before there is a question: 5 s.
 const OPENS: u16 = 500;
-/// Estimates in a row that do not, after which a suspected sensor is used again: 5 s.
+/// How many estimates that do not contradict one that does outweighs: a manoeuvre contradicts for a moment, too.
+const OUTWEIGHS: u16 = 4;
+/// Estimates that do not, after which a suspected sensor is used again: 5 s.
 const AGREES: u16 = 500;
-/// Estimates in a row that do not, after which the question is closed: a minute.
+/// Estimates that do not, after which the question is closed: a minute.
 const CLOSES: u16 = 6000;
 
 /// A level of leakage over the law's, as learned.
@@ -50,7 +52,7 @@ pub struct Trust {
     is_open: bool,
     /// Contradictions, less estimates without, since the last time that there were none.
     contradicted: u16,
-    /// Estimates in a row without.
+    /// Estimates without, less [`OUTWEIGHS`] times those with.
     agreed: u16,
     changes: u16,
 }
@@ -112,7 +114,7 @@ impl Trust {
     fn count(&mut self, contradicts: bool) {
         if contradicts {
             self.contradicted = self.contradicted.saturating_add(1).min(OPENS);
-            self.agreed = 0;
+            self.agreed = self.agreed.saturating_sub(OUTWEIGHS);
             self.is_open |= self.contradicted == OPENS;
         } else {
             self.contradicted = self.contradicted.saturating_sub(1);
@@ -227,7 +229,9 @@ mod tests {
         assert_eq!(told.expected, Err(Reason::SensorSuspected));
         // As before for five seconds: used again, whatever health still waits for.
         let mut trust = Trust::new();
-        let _ = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        for _ in 0..AGREES {
+            let _ = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        }
         for i in 1..=AGREES {
             let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
             assert_eq!(told.seen.is_ok(), i == AGREES, "{i}");
