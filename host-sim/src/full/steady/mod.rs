@@ -24,6 +24,9 @@ pub const LOAD: Range = Range::new(1.0, 1.0e6, "N m");
 /// Steps as pump angle. Above 4 deg a step could jump over a silencing groove.
 pub const STEP: Range = Range::new(0.001, 4.0, "deg");
 
+/// Windows of the members after which the search gives up.
+const MAX_WINDOWS: u32 = 10;
+
 /// What is held at the motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Held {
@@ -57,11 +60,15 @@ pub struct Settings {
     pub method: Method,
     /// Uncertainty of the ratio at which the search ends.
     pub tolerance: f64,
+    /// Relative positions of the two shafts to average over; `None` takes as few as will do. 1 to 64.
+    pub members: Option<u32>,
+    /// Windows to average over at least, once corrections have become small. 1 to 10.
+    pub windows: u32,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { step_deg: 0.75, method: Method::TrBdf2, tolerance: 1.0e-5 }
+        Self { step_deg: 0.75, method: Method::TrBdf2, tolerance: 1.0e-5, members: None, windows: 1 }
     }
 }
 
@@ -143,6 +150,8 @@ fn check(model: &Model, operating: &Operating, settings: &Settings) -> Result<()
     range("size of the displacement fraction", operating.alpha.abs(), Range::new(0.01, 1.0, ""))?;
     range("step size", settings.step_deg, STEP)?;
     range("tolerance of the ratio", settings.tolerance, Range::new(1.0e-9, 1.0e-2, ""))?;
+    range("number of shaft positions", settings.members.map_or(1.0, f64::from), Range::new(1.0, 64.0, ""))?;
+    range("number of windows", f64::from(settings.windows), Range::new(1.0, f64::from(MAX_WINDOWS), ""))?;
     match operating.held {
         Held::HighPressureMpa(p) => {
             range("high pressure", p, Range::new(HIGH_PRESSURE.min.max(low + 1.0), HIGH_PRESSURE.max, "MPa"))

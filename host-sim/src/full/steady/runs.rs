@@ -7,6 +7,7 @@
 //! revolution remove those. One run goes ahead, since ratio and pressure can be brought close without the others.
 
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ use crate::full::run::run;
 use crate::full::tableau::Method;
 
 /// Numbers of members to choose from.
-const MEMBERS: std::ops::RangeInclusive<u32> = 5..=7;
+const MEMBERS: RangeInclusive<u32> = 5..=9;
 /// Order of the pump's ripple up to which beats are looked for. Orders 6 and 7 still move the ratio by 4e-5 at 36.5 MPa.
 const BEAT_ORDER: u32 = 9;
 /// Rise and fall of the first run's window, pump revolutions: six pump ripples with nine pistons.
@@ -32,6 +33,8 @@ const EDGE_PITCHES: f64 = 3.0;
 const LONGEST_BOX_PITCHES: f64 = 4.0;
 /// Start-up before the first window: chambers forget a wrong start when they next meet a kidney.
 const SETTLE_REV: f64 = 0.5;
+/// Cost of a revolution that is not measured, against one that is: its steps are longer.
+const COARSE_COST: f64 = 0.4;
 /// Wait after a correction of ratio and pressure.
 const RESETTLE_REV: f64 = 0.25;
 
@@ -44,17 +47,34 @@ pub struct Seen {
     pub ripple_pa: [f64; 2],
 }
 
-/// What is common to all runs: the drive, the step, the side that is high.
+/// A step, in time and in steps per pump revolution.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    /// Step.
+    pub h_s: f64,
+    /// Steps of one pump revolution.
+    pub steps_per_rev: u64,
+}
+
+impl Pace {
+    /// Steps of about `step_deg` of pump angle that divide a revolution.
+    pub fn new(step_deg: f64, omega_p: f64) -> Self {
+        let steps = (360.0 / step_deg).ceil().max(1.0);
+        Self { h_s: TAU / omega_p / steps, steps_per_rev: steps as u64 }
+    }
+}
+
+/// What is common to all runs: the drive, the steps, the side that is high.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting<'a> {
     /// The drive.
     pub plant: &'a Plant,
     /// Method.
     pub method: Method,
-    /// Step.
-    pub h_s: f64,
-    /// Steps of one pump revolution.
-    pub steps_per_rev: u64,
+    /// Step of what is measured.
+    pub fine: Pace,
+    /// Step of what only leads there: start-up, waits and the run that goes ahead.
+    pub coarse: Pace,
     /// Line that is high.
     pub high: usize,
 }
@@ -71,9 +91,10 @@ struct Run<'a> {
 pub struct Runs<'a> {
     setting: Setting<'a>,
     runs: Vec<Run<'a>>,
+    pace: Pace,
     shape: Shape,
-    /// Steps made by all runs, those that were given up included.
-    pub steps: u64,
+    /// Pump revolutions made by all runs, those that were given up included.
+    pub revolutions: f64,
     /// Largest error of the mass balance over a window.
     pub worst_balance: f64,
 }
@@ -81,9 +102,10 @@ pub struct Runs<'a> {
 impl<'a> Runs<'a> {
     /// The run that goes ahead, settled.
     pub fn scout(setting: Setting<'a>, inputs: &Inputs, p_high_pa: f64) -> Result<Self, SimError> {
-        let rev = setting.steps_per_rev as f64;
+        let pace = setting.coarse;
+        let rev = pace.steps_per_rev as f64;
         let shape = Shape { box_steps: SCOUT_BOX_REV * rev, edge_steps: SCOUT_EDGE_REV * rev };
-        let mut runs = Self { setting, runs: Vec::new(), shape, steps: 0, worst_balance: 0.0 };
+        let mut runs = Self { setting, runs: Vec::new(), pace, shape, revolutions: 0.0, worst_balance: 0.0 };
         runs.start(&[0.0], inputs, p_high_pa)?;
         Ok(runs)
     }
@@ -97,20 +119,49 @@ impl<'a> Runs<'a> {
         (k * zp - motor).abs()
     }
 
-    /// Number of members whose mean leaves only fast beats, and the slowest of those per pump revolution. Beats of twice
-    /// the order are weaker, so may be half as fast.
-    fn members(&self, ratio: f64) -> (u32, f64) {
-        let left = |n: u32| self.beat_per_rev(ratio, n).min(2.0 * self.beat_per_rev(ratio, 2 * n));
-        MEMBERS.map(|n| (n, left(n))).fold((0, 0.0), |best, one| if one.1 > best.1 { one } else { best })
+    /// Number of members and flat part of their window, in pump pitches: the cheapest whose slowest beat left is removed
+    /// by that window, else the ones that leave the fastest. Beats of twice the order are weaker, so may be half as fast.
+    fn members(&self, ratio: f64, from: RangeInclusive<u32>) -> (u32, f64) {
+        let pitches = self.setting.plant.pump_pistons as f64;
+        let flat = |n: u32| {
+            let left = self.beat_per_rev(ratio, n).min(2.0 * self.beat_per_rev(ratio, 2 * n));
+            (pitches / left).ceil()
+        };
+        let cost =
+            |n: u32, flat: f64| f64::from(n) * (SETTLE_REV * COARSE_COST + (EDGE_PITCHES + flat) / pitches);
+        let cheapest = |best: (u32, f64), (n, flat): (u32, f64)| match (best.1, flat) {
+            (b, f) if f.max(b) > LONGEST_BOX_PITCHES => {
+                if f < b {
+                    (n, f)
+                } else {
+                    best
+                }
+            }
+            (b, f) => {
+                if cost(n, f) < cost(best.0, b) {
+                    (n, f)
+                } else {
+                    best
+                }
+            }
+        };
+        let (n, flat) = from.map(|n| (n, flat(n))).fold((1, f64::INFINITY), cheapest);
+        (n, flat.min(LONGEST_BOX_PITCHES))
     }
 
-    /// Replaces all runs by members, started at the wanted pressure and settled.
-    pub fn spread(&mut self, ratio: f64, inputs: &Inputs, p_high_pa: f64) -> Result<(), SimError> {
+    /// Replaces all runs by members, as many as will do where it is not said, started at the wanted pressure and settled.
+    pub fn spread(
+        &mut self,
+        members: Option<u32>,
+        ratio: f64,
+        inputs: &Inputs,
+        p_high_pa: f64,
+    ) -> Result<(), SimError> {
         let plant = self.setting.plant;
-        let (members, beat_per_rev) = self.members(ratio);
+        let (members, flat) = self.members(ratio, members.map_or(MEMBERS, |n| n..=n));
         let pump_pitches = plant.pump_pistons as f64;
-        let pitch_steps = self.setting.steps_per_rev as f64 / pump_pitches;
-        let flat = (pump_pitches / beat_per_rev).ceil().min(LONGEST_BOX_PITCHES);
+        self.pace = self.setting.fine;
+        let pitch_steps = self.pace.steps_per_rev as f64 / pump_pitches;
         self.shape = Shape { box_steps: flat * pitch_steps, edge_steps: EDGE_PITCHES * pitch_steps };
         let apart = TAU / (plant.motor_pistons as f64 * f64::from(members));
         let phases: Vec<f64> = (0..members).map(|k| apart * f64::from(k)).collect();
@@ -141,26 +192,26 @@ impl<'a> Runs<'a> {
 
     /// Lets all runs go on for some revolutions.
     fn settle(&mut self, inputs: &Inputs, revolutions: f64) -> Result<(), SimError> {
-        let steps = (revolutions * self.setting.steps_per_rev as f64).ceil() as u64;
-        let h = self.setting.h_s;
-        self.steps += steps * self.runs.len() as u64;
+        let Pace { h_s: h, steps_per_rev } = self.setting.coarse;
+        let steps = (revolutions * steps_per_rev as f64).ceil() as u64;
+        self.revolutions += self.runs.len() as f64 * steps as f64 / steps_per_rev as f64;
         let go = |one: &mut Run<'a>| run(&mut one.integrator, &mut one.state, inputs, h, steps, &mut ());
         self.runs.par_iter_mut().try_for_each(go)
     }
 
     /// One window of every run.
     pub fn window(&mut self, inputs: &Inputs) -> Result<Seen, SimError> {
-        let (setting, shape) = (self.setting, self.shape);
+        let (setting, pace, shape) = (self.setting, self.pace, self.shape);
         let one = |one: &mut Run<'a>| -> Result<(Seen, f64), SimError> {
             let account = MassBalance::open(&one.state, setting.plant);
             let mut window = Window::new(&one.state, shape);
-            run(&mut one.integrator, &mut one.state, inputs, setting.h_s, shape.steps(), &mut window)?;
+            run(&mut one.integrator, &mut one.state, inputs, pace.h_s, shape.steps(), &mut window)?;
             let means = window.means();
             one.p_high_pa = means.p_node_pa[setting.high];
             Ok((Seen { means, ripple_pa: window.ripple_pa() }, account.error(&one.state, setting.plant)))
         };
         let seen: Vec<_> = self.runs.par_iter_mut().map(one).collect::<Result<_, _>>()?;
-        self.steps += shape.steps() * self.runs.len() as u64;
+        self.revolutions += self.runs.len() as f64 * shape.steps() as f64 / pace.steps_per_rev as f64;
         let mut all = Seen { means: Means::default(), ripple_pa: [0.0; 2] };
         for (one, balance) in &seen {
             all.means.add(&one.means, 1.0 / seen.len() as f64);

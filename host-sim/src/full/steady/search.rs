@@ -23,18 +23,19 @@ use crate::full::oil::ATMOSPHERE_PA;
 use crate::full::plant::{A, B, Plant};
 use crate::full::shaft::{Drive, Load};
 
-use super::runs::{Runs, Seen, Setting, high_volume_m3};
-use super::{Held, Operating, Settings, SteadyPoint};
+use super::runs::{Pace, Runs, Seen, Setting, high_volume_m3};
+use super::{Held, MAX_WINDOWS, Operating, Settings, SteadyPoint};
 
-/// Windows of the members after which the search gives up.
-const MAX_WINDOWS: u32 = 10;
-/// Fraction of a correction that may be left of the error; 0.02 was the largest of 168 points. Corrections larger than
+/// Fraction of a correction that may be left of the error: about the largest seen over the envelope. Corrections larger than
 /// the tolerance over this tell where to go, and do not enter the mean.
 const LEFT: f64 = 0.02;
 /// Corrections below this are not taken from the first run: the beats that it does not see are of this size.
 const SCOUT_NOISE: f64 = 1.0e-3;
 /// Change of the mean at which it still is a result after the last window.
 const SPREAD: f64 = 1.0e-4;
+/// Step of what is not measured. Its error of the ratio, 5e-5 (docs/full-model/integration.md), is far below what the run
+/// that goes ahead is asked for.
+const COARSE_DEG: f64 = 2.0;
 /// Fraction of theory's leakage that a start estimate expects: chambers in transition leak less.
 const LEAKING: f64 = 0.96;
 
@@ -47,7 +48,6 @@ pub struct Search<'a> {
     /// Line that is high, and the other.
     high: usize,
     low: usize,
-    steps_per_rev: u64,
     ratio: f64,
     target_pa: f64,
     ratio_per_pa: f64,
@@ -60,7 +60,6 @@ impl<'a> Search<'a> {
     /// When compression and leakage take the pump's whole flow.
     pub fn new(plant: &'a Plant, operating: &Operating, settings: &Settings) -> Result<Self, SimError> {
         let omega_p = operating.n_p_rpm / 60.0 * TAU;
-        let steps_per_rev = (360.0 / settings.step_deg).ceil().max(1.0);
         let forward = operating.alpha > 0.0;
         let target_pa = match operating.held {
             Held::HighPressureMpa(p) => p * 1.0e6 + ATMOSPHERE_PA,
@@ -73,7 +72,6 @@ impl<'a> Search<'a> {
             omega_p,
             high: if forward { A } else { B },
             low: if forward { B } else { A },
-            steps_per_rev: steps_per_rev as u64,
             ratio: 0.0,
             target_pa,
             ratio_per_pa: 0.0,
@@ -135,8 +133,8 @@ impl<'a> Search<'a> {
         let setting = Setting {
             plant: self.plant,
             method: self.settings.method,
-            h_s: TAU / self.omega_p / self.steps_per_rev as f64,
-            steps_per_rev: self.steps_per_rev,
+            fine: Pace::new(self.settings.step_deg, self.omega_p),
+            coarse: Pace::new(self.settings.step_deg.max(COARSE_DEG), self.omega_p),
             high: self.high,
         };
         let mut runs = Runs::scout(setting, &self.inputs(), self.target_pa)?;
@@ -145,7 +143,7 @@ impl<'a> Search<'a> {
         if self.correct(&seen.means)? < SCOUT_NOISE {
             self.ratio = start;
         }
-        runs.spread(self.ratio, &self.inputs(), self.target_pa)?;
+        runs.spread(self.settings.members, self.ratio, &self.inputs(), self.target_pa)?;
         let mut mean = Mean::default();
         let mut residual = f64::INFINITY;
         for window in 1..=MAX_WINDOWS {
@@ -159,16 +157,14 @@ impl<'a> Search<'a> {
                 mean = Mean::default();
                 residual = change;
             }
-            if residual < self.settings.tolerance || (window == MAX_WINDOWS && residual < SPREAD) {
+            let enough = mean.count >= self.settings.windows;
+            if (enough && residual < self.settings.tolerance) || (window == MAX_WINDOWS && residual < SPREAD)
+            {
                 return Ok((self.point(&seen, &runs, residual), runs.into_state()));
             }
             runs.again(&self.inputs(), self.target_pa)?;
         }
-        Err(SimError::NotSteady { revolutions: self.revolutions(&runs), residual })
-    }
-
-    fn revolutions(&self, runs: &Runs<'_>) -> f64 {
-        runs.steps as f64 / self.steps_per_rev as f64
+        Err(SimError::NotSteady { revolutions: runs.revolutions, residual })
     }
 
     /// Corrects ratio and target pressure after a window; returns the change of the ratio.
@@ -197,7 +193,7 @@ impl<'a> Search<'a> {
         let leak_kg_s = means.flow_kg_s[LEAK_PUMP] + means.flow_kg_s[LEAK_MOTOR];
         let sign = self.operating.alpha.signum();
         let off_pa = self.target_pa - means.p_node_pa[self.high];
-        let revolutions = self.revolutions(runs);
+        let revolutions = runs.revolutions;
         SteadyPoint {
             ratio: self.ratio,
             residual,
