@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
         let mut trust = Trust::new();
-        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
             let told = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
@@ -219,7 +219,7 @@ mod tests {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
         let mut trust = Trust::new();
-        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
         let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
         let believed = estimate(1.5 * LAW, 1.5, worn);
@@ -232,7 +232,7 @@ mod tests {
         // As before for five seconds: used again, whatever health still waits for.
         let mut trust = Trust::new();
         for _ in 0..AGREES {
-            let _ = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+            assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
         }
         for i in 1..=AGREES {
             let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
@@ -243,7 +243,7 @@ mod tests {
     #[test]
     fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
         let mut trust = Trust::new();
-        let _ = trust.judge(None, estimate(LAW, 1.0, Health::new()));
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
             // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
@@ -258,7 +258,7 @@ mod tests {
             assert_eq!(trust.judge(None, agrees), agrees);
         }
         assert!(trust.is_open);
-        let _ = trust.judge(None, estimate(LAW, 0.99, Health::new()));
+        assert!(trust.judge(None, estimate(LAW, 0.99, Health::new())).seen.is_ok());
         assert!(!trust.is_open);
     }
 
