@@ -4,13 +4,16 @@
 mod bench;
 mod support;
 
-use bench::{best_quadratic_pct, kou_error_pct, machine, points, settings, truth, with_noise};
+use bench::{
+    best_quadratic_of, kou_error_of, kou_error_pct, machine, points, points_of, settings, truth, with_noise,
+};
 use host_sim::identify::joint::Prior;
 use host_sim::identify::ratio_model::{At, FullRatio, RatioModel};
 use host_sim::identify::secant::{self, Secant};
 use host_sim::identify::{Identification, joint_scheme, two_step};
 use host_sim::machine::Machine;
 use host_sim::record::BenchPoint;
+use host_sim::synth::Gaps;
 use support::{Folder, json, root};
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
@@ -53,15 +56,16 @@ fn val_noise_free_bench_every_point_converges_and_the_law_is_near_the_best_quadr
         two_step.points.iter().map(|p| (p.kou / truth(&machine, &p.point) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 0.02, "{worst}");
     let joint = joint(&machine, &bench, &Prior::default());
-    let (mean, max) = kou_error_pct(&machine, &joint);
-    let best = best_quadratic_pct(&machine, &joint);
-    println!("joint: Kou {mean:.2} % mean, {max:.1} % worst; the best possible quadratic {best:.2} %");
+    let error = kou_error_of(&Gaps::default(), &machine, &joint);
+    let best = best_quadratic_of(&Gaps::default(), &machine, &joint);
+    println!("joint: Kou {:.2} % mean, {:.1} % worst, {:.2} % rms", error.mean, error.max, error.rms);
+    println!("the best possible quadratic: {:.2} % mean, {:.2} % rms", best.mean, best.rms);
     println!(
         "two steps: Kou {:.2} % mean; points each {:.3} % at worst",
         kou_error_pct(&machine, &two_step).0,
         100.0 * worst
     );
-    assert!(mean <= 3.0 && best < mean && best > 0.1, "{mean} {best}");
+    assert!(error.mean <= 3.0 && best.rms <= error.rms && best.rms > 0.1, "{error:?} {best:?}");
 }
 
 #[test]
@@ -104,6 +108,46 @@ fn val_wrong_bulk_modulus_is_found_with_twelve_points_at_partial_displacement() 
             / draws as f64;
         println!("    with 0.1 % random error: {noisy:.2} % mean over {draws} draws");
         assert!(noisy <= 6.0, "{noisy}");
+    }
+}
+
+/// Leakages that miss the best quadratic by as much as the shipped one does, from other shares of the three gaps.
+#[test]
+fn val_other_leakages_of_the_same_misfit_are_identified_as_well() {
+    let truly = machine("reference.toml");
+    let full = FullRatio::new(&truly).unwrap();
+    let shipped = Gaps::default();
+    for gaps in [
+        Gaps {
+            piston: 0.018,
+            elastic: 0.05,
+            slipper: 0.045,
+            press: -0.3,
+            valve_plate: 0.008,
+            tilt: 0.3,
+            ..shipped
+        },
+        Gaps { elastic: 0.05, slipper: 0.045, press: -0.2, valve_plate: 0.012, ..shipped },
+        Gaps { piston: 0.022, elastic: 0.02, press: -0.3, valve_plate: 0.008, tilt: 0.3, ..shipped },
+    ] {
+        let bench = points_of(&gaps, &truly, &full, false);
+        let exact = joint(&truly, &bench, &Prior::default());
+        let best = best_quadratic_of(&gaps, &truly, &exact);
+        let exact = kou_error_of(&gaps, &truly, &exact);
+        let displaced = truly.with_pump_displacement_factor(0.99).unwrap();
+        let displaced = kou_error_of(&gaps, &truly, &joint(&displaced, &bench, &Prior::default()));
+        let soft = truly.with_bulk_modulus_factor(0.9).unwrap();
+        let partial = points_of(&gaps, &truly, &full, true);
+        let softened = kou_error_of(&gaps, &truly, &joint(&soft, &partial, &Prior::default()));
+        let prior = Prior { ratio: 1e-3, ..Prior::default() };
+        let noisy = kou_error_of(&gaps, &truly, &joint(&soft, &with_noise(&partial, 1e-3, 0), &prior));
+        println!(
+            "best quadratic {:.2} %; joint {:.2} %; displacement wrong {:.2} %; bulk modulus wrong {:.2} %, with noise {:.2} %",
+            best.mean, exact.mean, displaced.mean, softened.mean, noisy.mean
+        );
+        // The limits of the shipped leakage; noise of one draw scatters by a third about its mean.
+        assert!(best.mean > 1.5 && exact.mean <= 3.0 && displaced.mean <= 3.5);
+        assert!(softened.mean <= 4.0 && noisy.mean <= 8.0);
     }
 }
 

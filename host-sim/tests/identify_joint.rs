@@ -82,8 +82,9 @@ fn val_leave_one_out_is_what_a_fit_without_the_point_predicts() {
         let refit = model.ratio(&at, kou) / bench[left_out].ratio - 1.0;
         let by_leverage = whole.points[left_out].leave_one_out;
         println!("point {left_out}: {by_leverage:.2e} by leverage, {refit:.2e} by a fit");
-        // The formula is exact for a linear model with fixed weights; robust weights move a little.
-        assert!((refit - by_leverage).abs() < 0.25 * refit.abs() + 2e-5, "{refit} {by_leverage}");
+        // The formula is exact for a linear model with fixed weights and a fixed function beside the law; a fit chooses
+        // its weights and that function's size and length again.
+        assert!((refit - by_leverage).abs() < 0.35 * refit.abs() + 2e-5, "{refit} {by_leverage}");
     }
 }
 

@@ -23,6 +23,21 @@ fn log() -> Option<PathBuf> {
     None
 }
 
+/// Identifies the rig on the even ones of its healthy cycles, and writes the calibration; what the command printed.
+fn identify(log: &str, cal: &str) -> serde_json::Value {
+    let healthy = "tests/data/zema_map_healthy_even.toml";
+    let machine = "tests/data/zema_machine.toml";
+    let (bench, scheme) = (["--bench", log], ["--scheme", "paper"]);
+    let files = ["--machine", machine, "--map", healthy, "--out", cal, "--json"];
+    json(["identify"].iter().chain(&bench).chain(&scheme).chain(&files).copied())
+}
+
+/// Replays the whole log and writes the estimates.
+fn replay(log: &str, cal: &str, est: &str) {
+    let map = "tests/data/zema_map.toml";
+    json(["replay", "--log", log, "--calibration", cal, "--map", map, "--out", est, "--json"]);
+}
+
 /// Probability that a value of `b` is above one of `a`, ties counting half: area under the ROC curve.
 fn auc(a: &[f64], b: &[f64]) -> f64 {
     let wins: f64 = b
@@ -51,39 +66,13 @@ fn replay_zema_leakage_labels_are_separated_over_both_oil_temperatures() {
     let folder = Folder::new();
     let (cal, est) = (folder.path("zema.toml"), folder.path("zema.csv"));
     let (cal, est) = (cal.to_str().unwrap(), est.to_str().unwrap());
-    let healthy = "tests/data/zema_map_healthy_even.toml";
-    let machine = "tests/data/zema_machine.toml";
-    let fit = json([
-        "identify",
-        "--bench",
-        log,
-        "--machine",
-        machine,
-        "--scheme",
-        "paper",
-        "--map",
-        healthy,
-        "--out",
-        cal,
-        "--json",
-    ]);
+    let fit = identify(log, cal);
     // One speed only: every term with speed in it cannot be determined, and must not blow up.
     for term in ["b1", "a11", "a12", "a13"] {
         assert!(fit["dropped_terms"].as_array().unwrap().iter().any(|t| t == term), "{term}");
         assert_eq!(fit["law"]["normalised"][term], 0.0);
     }
-    json([
-        "replay",
-        "--log",
-        log,
-        "--calibration",
-        cal,
-        "--map",
-        "tests/data/zema_map.toml",
-        "--out",
-        est,
-        "--json",
-    ]);
+    replay(log, cal, est);
 
     // Mean wear ratio of each cycle, without the cycles that the law was fitted to.
     let text = std::fs::read_to_string(est).unwrap();
@@ -137,30 +126,14 @@ fn replay_zema_every_change_of_the_leakage_label_is_reported_within_five_cycles_
     let folder = Folder::new();
     let (cal, est) = (folder.path("zema.toml"), folder.path("zema.csv"));
     let (cal, est) = (cal.to_str().unwrap(), est.to_str().unwrap());
-    let machine = "tests/data/zema_machine.toml";
-    let healthy = "tests/data/zema_map_healthy_even.toml";
-    json([
-        "identify",
-        "--bench",
-        log,
-        "--machine",
-        machine,
-        "--scheme",
-        "paper",
-        "--map",
-        healthy,
-        "--out",
-        cal,
-        "--json",
-    ]);
+    identify(log, cal);
     let mut text = std::fs::read_to_string(cal).unwrap();
     for (usual, of_rig) in HEALTH {
         assert!(text.contains(usual), "{usual}");
         text = text.replace(usual, of_rig);
     }
     std::fs::write(cal, text).unwrap();
-    let map = "tests/data/zema_map.toml";
-    json(["replay", "--log", log, "--calibration", cal, "--map", map, "--out", est, "--json"]);
+    replay(log, cal, est);
 
     // Cycles in the order of time: label, changes reported so far.
     let text = std::fs::read_to_string(est).unwrap();

@@ -21,7 +21,7 @@ use crate::step::State;
 /// First four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"KOUS";
 /// Schema that this version writes and reads.
-pub const SCHEMA: u16 = 1;
+pub const SCHEMA: u16 = 2;
 /// Bytes that always suffice for a record.
 pub const MAX_LEN: usize = 800;
 

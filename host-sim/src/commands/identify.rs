@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::given::{Given, Read, positive};
 use super::{Failure, print_json, print_text};
-use crate::calibration::{self, SensorClass, Settings};
-use crate::identify::joint::Prior;
+use crate::calibration::{self, Settings};
 use crate::identify::memory::Memory;
 use crate::identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
 use crate::identify::secant::Secant;
@@ -16,8 +16,6 @@ use crate::identify::{
 };
 use crate::input::InputError;
 use crate::machine::Machine;
-use crate::record::{read_bench, without_repeats};
-use crate::table::Mapping;
 
 /// Model that the identification inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -40,12 +38,8 @@ pub enum Scheme {
 /// Identifies a calibration from bench points.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Bench table (CSV): n_p_rpm, p_h_mpa, t_b_c, ratio and optionally alpha, p_l_mpa.
-    #[arg(long, value_name = "POINTS.csv")]
-    pub bench: PathBuf,
-    /// Machine file (TOML).
-    #[arg(long, value_name = "M.toml")]
-    pub machine: PathBuf,
+    #[command(flatten)]
+    given: Given,
     /// Model to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
     #[arg(long, value_enum)]
     pub model: Option<Model>,
@@ -61,53 +55,12 @@ pub struct Args {
     /// Paper's scheme: most calls of the full model for one point.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(2..))]
     pub max_calls: u32,
-    /// Joint scheme: standard error of the machine file's bulk modulus, relative.
-    #[arg(long, default_value_t = 0.1, value_parser = positive)]
-    pub bulk_uncertainty: f64,
-    /// Joint scheme: standard error of the displacement ratio, relative: machine file and both speed sensors.
-    #[arg(long, default_value_t = 0.02, value_parser = positive)]
-    pub displacement_uncertainty: f64,
-    /// Joint scheme: random error of a measured ratio, 1 sigma, relative.
-    #[arg(long, default_value_t = 3e-4, value_parser = positive)]
-    pub ratio_error: f64,
-    /// Mapping file (TOML) for a table with other columns or units.
-    #[arg(long, value_name = "MAP.toml")]
-    pub map: Option<PathBuf>,
     /// Calibration to write: TOML, or a binary record where the name ends in .bin.
     #[arg(long, value_name = "CAL.toml")]
     pub out: PathBuf,
-    /// Serial number of the machine on the bench.
-    #[arg(long, default_value = "")]
-    pub serial: String,
-    /// Day of the bench test, as it shall stand in the calibration.
-    #[arg(long, default_value = "")]
-    pub date: String,
-    /// ISO 4409 class of the sensors on the controller, for the standard error of the coefficient seen.
-    #[arg(long, value_enum, default_value = "A")]
-    pub class: SensorClass,
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
-}
-
-/// Reads a mapping file, if one is named.
-pub(super) fn mapping(path: Option<&Path>) -> Result<Mapping, InputError> {
-    path.map_or_else(|| Ok(Mapping::default()), Mapping::read)
-}
-
-/// CRC-32 of a file, for provenance.
-pub(super) fn crc32_of(path: &Path) -> Result<u32, InputError> {
-    let bytes =
-        std::fs::read(path).map_err(|e| InputError::new(format!("cannot be read: {e}")).at_file(path))?;
-    Ok(kou_estimator::calibration::record::crc32(&bytes))
-}
-
-/// A number above zero.
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("allowed: a number above 0".into()),
-    }
 }
 
 /// Runs the command.
@@ -115,22 +68,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// # Errors
 /// Bad input; or points that no leakage explains.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let machine = Machine::load(&args.machine)?;
-    let points = read_bench(&args.bench, &mapping(args.map.as_deref())?, &machine)?;
-    let (points, repeated) = without_repeats(points);
-    let settings = Settings {
-        serial: args.serial.clone(),
-        date: args.date.clone(),
-        class: args.class,
-        bench_crc32: crc32_of(&args.bench)?,
-        machine_crc32: crc32_of(&args.machine)?,
-    };
-    let prior = Prior {
-        bulk: args.bulk_uncertainty,
-        displacement: args.displacement_uncertainty,
-        ratio: args.ratio_error,
-        ..Prior::default()
-    };
+    let Read { machine, points, repeated, settings, prior } = args.given.read()?;
     let start = match args.start.as_slice() {
         [a, b] => Some([*a, *b]),
         _ => None,
@@ -141,7 +79,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             Scheme::Joint => joint_scheme::identify(&machine, &points, &settings, model, &prior),
             Scheme::Paper => two_step::identify(&machine, &points, &settings, model, &secant),
         }
-        .map_err(|e| e.at_file(&args.bench))
+        .map_err(|e| e.at_file(&args.given.bench))
     };
     let (model, full) = model_of(args, &machine)?;
     let mut result = match &full {
@@ -176,7 +114,7 @@ fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>
     match (args.model, FullRatio::new(machine)) {
         (Some(Model::Rom), _) => Ok(("reduced model, as asked\n".into(), None)),
         (_, Ok(full)) => Ok(("full model\n".into(), Some(full))),
-        (Some(Model::Full), Err(e)) => Err(e.at_file(&args.machine)),
+        (Some(Model::Full), Err(e)) => Err(e.at_file(&args.given.machine)),
         (None, Err(e)) => Ok((format!("reduced model, since the full one cannot be made: {e}\n"), None)),
     }
 }

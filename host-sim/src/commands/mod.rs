@@ -2,6 +2,7 @@
 
 pub mod dbc;
 pub mod evaluate;
+pub mod given;
 pub mod identify;
 mod lines;
 pub mod paper;

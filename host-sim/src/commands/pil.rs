@@ -9,7 +9,7 @@ use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
 
-use super::identify::mapping;
+use super::given::mapping;
 use super::replay::figures_text;
 use super::{Failure, print_json, print_text, progress};
 use crate::calibration;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use kou_estimator::{Params, State, step};
 use serde::Serialize;
 
-use super::identify::mapping;
+use super::given::mapping;
 use super::{Failure, print_json, print_text, progress};
 use crate::calibration;
 use crate::record::LogReader;

@@ -1,11 +1,13 @@
 //! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
 
-use kou_estimator::health::{Cause, Health, Stage};
+use kou_estimator::health::{Cause, Causes, Health, Stage};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::coverage::Looks;
 use super::drive::PERIOD_S;
+use super::noise::Noise;
 use super::world::{Event, World};
 use crate::calibration::SensorClass;
 
@@ -22,12 +24,27 @@ pub struct Setting {
     pub misfit: f64,
     /// Rise of leakage by ageing of the oil, per hour.
     pub oil_ageing_per_h: f64,
+    /// Standard deviation of the wear that machines have behind them when learning begins, rectangular; 0 for new ones.
+    pub worn_sd: f64,
     /// Seed of the first run.
     pub seed: u64,
 }
 
 /// Hours driven before an event.
 pub const COMMISSIONING_H: f64 = 3.0;
+
+/// What is to happen to worlds that have been driven for [`COMMISSIONING_H`].
+#[derive(Debug, Clone)]
+pub struct Course {
+    /// What happens.
+    pub event: Event,
+    /// Hours driven after it.
+    pub hours: f64,
+    /// Whether a run ends with its first report: what follows is not of interest.
+    pub until_report: bool,
+    /// The cause that a diagnosis must not rule out.
+    pub cause: Cause,
+}
 
 /// What one run came to.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -44,17 +61,15 @@ pub struct Run {
     pub wear: bool,
     /// Whether a sensor, the displacement or the oil was blamed after the event.
     pub sensor: bool,
+    /// Whether the diagnosis ever named causes without the true one.
+    pub misled: bool,
     /// Causes that remained at the end.
     pub remaining: Vec<&'static str>,
-    /// Times at which the interval of the level was looked at, and those at which it held the truth.
-    pub level_looks: u32,
-    /// See `level_looks`.
-    pub level_hits: u32,
-    /// The same for the coefficient seen.
-    pub kou_looks: u32,
-    /// See `kou_looks`.
-    pub kou_hits: u32,
-    /// Sum of squared errors of the level.
+    /// The interval of the level.
+    pub level: Looks,
+    /// The interval of the coefficient seen.
+    pub kou: Looks,
+    /// Sum of squared errors of the level, over the looks at it.
     pub level_error2: f64,
     /// Error of the level over its standard error, at the last look.
     pub level_error_in_se: Option<f64>,
@@ -64,83 +79,147 @@ pub struct Run {
     pub gate_open_s: f64,
 }
 
+/// A world on its way.
+#[derive(Debug, Clone)]
+struct Journey {
+    world: World,
+    state: State,
+    run: Run,
+    samples: u64,
+    changes: u16,
+    /// Seconds with a valid coefficient since the event.
+    since_event_s: f64,
+    causes: Causes,
+}
+
 impl Setting {
-    /// Drives one world for `hours`; the event, if any, comes after [`COMMISSIONING_H`].
+    /// Drives one world for `hours` in which nothing happens.
     #[must_use]
-    pub fn run(&self, number: u64, hours: f64, event: Option<Event>) -> Run {
-        let event_s = COMMISSIONING_H * 3600.0;
-        let mut world = World::new(&self.params, self.limits, self.class, self.misfit, self.seed + number);
+    pub fn run(&self, number: u64, hours: f64) -> Run {
+        let mut journey = self.start(number);
+        journey.drive(self, hours, None);
+        journey.end()
+    }
+
+    /// Drives `runs` worlds on all cores.
+    #[must_use]
+    pub fn runs(&self, runs: u64, hours: f64) -> Vec<Run> {
+        (0..runs).into_par_iter().map(|number| self.run(number, hours)).collect()
+    }
+
+    /// Drives `runs` worlds for [`COMMISSIONING_H`], then each on every course, as if it alone had happened. The runs of
+    /// each course.
+    #[must_use]
+    pub fn courses(&self, runs: u64, courses: &[Course]) -> Vec<Vec<Run>> {
+        let by_world: Vec<Vec<Run>> = (0..runs)
+            .into_par_iter()
+            .map(|number| {
+                let mut begun = self.start(number);
+                begun.drive(self, COMMISSIONING_H, None);
+                courses
+                    .par_iter()
+                    .map(|course| {
+                        let mut journey = begun.clone();
+                        journey.world.schedule(COMMISSIONING_H * 3600.0, course.event.clone());
+                        journey.drive(self, course.hours, Some(course));
+                        journey.end()
+                    })
+                    .collect()
+            })
+            .collect();
+        (0..courses.len())
+            .map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect())
+            .collect()
+    }
+
+    fn start(&self, number: u64) -> Journey {
+        let seed = self.seed + number;
+        let mut world = World::new(&self.params, self.limits, self.class, self.misfit, seed);
         world.age_oil(self.oil_ageing_per_h);
-        if let Some(event) = event {
-            world.schedule(event_s, event);
+        if self.worn_sd > 0.0 {
+            world.begin_at(1.0 + Noise::new(!seed).within(3.0_f64.sqrt() * self.worn_sd));
         }
-        let mut state = State::new();
-        let mut run = Run::default();
-        let (mut changes, mut judged_s) = (0, 0.0);
+        Journey {
+            world,
+            state: State::new(),
+            run: Run::default(),
+            samples: 0,
+            changes: 0,
+            since_event_s: 0.0,
+            causes: Causes::none(),
+        }
+    }
+}
+
+impl Journey {
+    fn drive(&mut self, setting: &Setting, hours: f64, course: Option<&Course>) {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "hours are positive and few"
         )]
         let samples = (hours * 3600.0 / PERIOD_S) as u64;
-        for i in 0..samples {
-            let (sample, kou_true) = world.advance();
-            let estimate = step(&self.params, &mut state, &sample);
-            let health = estimate.health;
-            let after = event.is_some() && world.time_s() > event_s;
-            judged_s += if after && estimate.seen.is_ok() { PERIOD_S } else { 0.0 };
-            if estimate.seen.is_ok() {
-                run.judged_s += PERIOD_S;
-                run.gate_open_s += if health.gate.is_ok() { PERIOD_S } else { 0.0 };
+        for _ in 0..samples {
+            let (sample, kou_true) = self.world.advance();
+            let estimate = step(&setting.params, &mut self.state, &sample);
+            self.judge(&estimate, course);
+            self.samples += 1;
+            // Once a minute.
+            if course.is_none() && self.samples.is_multiple_of(1200) {
+                let point = self.world.normalised(&sample);
+                self.run.look(self.world.time_s(), point, &estimate, self.world.level(), kou_true);
             }
-            if health.changes > changes {
-                changes = health.changes;
-                if !after {
-                    run.false_changes += 1;
-                } else if run.delay_s.is_none() {
-                    run.delay_s = Some(judged_s);
-                    run.level_at_report = Some(world.level());
-                }
-            }
-            let wear = health.wear == Stage::Confirmed;
-            if after {
-                run.wear |= wear;
-                run.sensor |= health.sensor == Stage::Confirmed;
-            } else {
-                run.false_wear |= wear;
-            }
-            // Once a minute, and not in the first hour, in which level and offset are still being told apart.
-            if i % 1200 == 0 && (event.is_none() || !after) {
-                run.look(world.time_s(), &estimate, &health, world.level(), kou_true);
-            }
-            if i + 1 == samples {
-                run.remaining = health.causes.iter().map(Cause::name).collect();
+            if course.is_some_and(|c| c.until_report) && self.run.delay_s.is_some() {
+                break;
             }
         }
-        run
     }
 
-    /// Drives `runs` worlds on all cores.
-    #[must_use]
-    pub fn runs(&self, runs: u64, hours: f64, event: Option<Event>) -> Vec<Run> {
-        (0..runs).into_par_iter().map(|number| self.run(number, hours, event)).collect()
+    fn judge(&mut self, estimate: &Estimate, course: Option<&Course>) {
+        let (health, run) = (&estimate.health, &mut self.run);
+        if estimate.seen.is_ok() {
+            run.judged_s += PERIOD_S;
+            run.gate_open_s += if health.gate.is_ok() { PERIOD_S } else { 0.0 };
+            self.since_event_s += if course.is_some() { PERIOD_S } else { 0.0 };
+        }
+        let wear = health.wear == Stage::Confirmed;
+        self.causes = health.causes;
+        if let Some(course) = course {
+            run.wear |= wear;
+            run.sensor |= health.sensor == Stage::Confirmed;
+            run.misled |= health.causes != Causes::none() && !health.causes.iter().any(|c| c == course.cause);
+        } else {
+            run.false_wear |= wear;
+        }
+        if health.changes > self.changes {
+            self.changes = health.changes;
+            if course.is_none() {
+                run.false_changes += 1;
+            } else if run.delay_s.is_none() {
+                run.delay_s = Some(self.since_event_s);
+                run.level_at_report = Some(self.world.level());
+            }
+        }
+    }
+
+    fn end(mut self) -> Run {
+        self.run.remaining = self.causes.iter().map(Cause::name).collect();
+        self.run
     }
 }
 
 impl Run {
-    fn look(&mut self, time_s: f64, estimate: &Estimate, health: &Health, level: f64, kou_true: f64) {
-        let within = |error: f64, se: f32| u32::from(error.abs() <= 1.96 * f64::from(se));
-        if let Ok(seen) = estimate.seen {
-            self.kou_looks += 1;
-            self.kou_hits += within(f64::from(seen.kou.get()) - kou_true, seen.kou_se.get());
-        }
-        if time_s > 3600.0 {
-            let error = f64::from(health.level.get()) - level;
-            self.level_looks += 1;
-            self.level_hits += within(error, health.level_se.get());
-            self.level_error2 += error * error;
-            self.level_error_in_se = Some(error / f64::from(health.level_se.get()));
-        }
+    fn look(&mut self, time_s: f64, point: Option<[f64; 3]>, estimate: &Estimate, level: f64, kou_true: f64) {
+        let (Ok(seen), Some(point)) = (estimate.seen, point) else { return };
+        let within = |error: f64, se: f64| error.abs() <= 1.96 * se;
+        let time_h = time_s / 3600.0;
+        let error = f64::from(seen.kou.get()) - kou_true;
+        self.kou.takes(time_h, point, within(error, seen.kou_se.get().into()));
+        let health: &Health = &estimate.health;
+        let (error, se) = (f64::from(health.level.get()) - level, f64::from(health.level_se.get()));
+        self.level.takes(time_h, point, within(error, se));
+        self.level_error2 += error * error;
+        self.level_error_in_se = Some(error / se);
     }
 }
 

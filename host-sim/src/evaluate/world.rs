@@ -1,5 +1,7 @@
 //! One machine with one set of sensors, and what happens to them.
 
+use std::sync::Arc;
+
 use kou_estimator::reduced::{OperatingPoint, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample};
@@ -24,7 +26,7 @@ pub enum Fault {
 }
 
 /// Something that begins at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// Leakage grows by this share of the law within a time, then stays.
     Leak {
@@ -40,10 +42,12 @@ pub enum Event {
     },
     /// A sensor gets an error.
     Sensor(Fault),
+    /// The oil becomes another, for one by air that it carries: the machine with that oil.
+    Oil(Arc<ReducedModel>),
 }
 
 /// Machine, sensors and their history.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct World {
     params: Params,
     drive: Drive,
@@ -53,6 +57,7 @@ pub struct World {
     speed_gains: [f64; 2],
     pressure_gain: f64,
     temperature_offset_k: f64,
+    level_at_start: f64,
     ageing_per_h: f64,
     event: Option<(f64, Event)>,
     time_s: f64,
@@ -83,6 +88,7 @@ impl World {
             speed_gains: [noise.within(speed), noise.within(speed)],
             pressure_gain: noise.within(pressure),
             temperature_offset_k: noise.within(temperature_k),
+            level_at_start: 1.0,
             ageing_per_h: 0.0,
             event: None,
             time_s: 0.0,
@@ -94,6 +100,11 @@ impl World {
     /// Lets something happen from a time on.
     pub fn schedule(&mut self, at_s: f64, event: Event) {
         self.event = Some((at_s, event));
+    }
+
+    /// Makes it a machine that has worn since it was calibrated: true leakage over the law's at the start.
+    pub fn begin_at(&mut self, level: f64) {
+        self.level_at_start = level;
     }
 
     /// Lets the oil's viscosity fall with use: leakage rises by this share per hour.
@@ -113,23 +124,31 @@ impl World {
         self.level
     }
 
+    /// Where a sample lies in the law's normalised variables, as its sensors see it.
+    #[must_use]
+    pub fn normalised(&self, sample: &Sample) -> Option<[f64; 3]> {
+        let (n_p, p_h) = (sample.pump_speed.value.ok()?, sample.high_pressure.value.ok()?);
+        Some(self.params.law().normalised(n_p, p_h, sample.oil_temperature.value.ok()?).map(f64::from))
+    }
+
     /// The next sample, with the true operating point's leakage coefficient.
     pub fn advance(&mut self) -> (Sample, f64) {
         self.time_s += PERIOD_S;
         let point = self.drive.advance();
-        self.level = 1.0 + self.ageing_per_h * self.time_s / 3600.0;
-        let mut fault = None;
-        if let Some((at_s, event)) = self.event
-            && self.time_s >= at_s
+        self.level = self.level_at_start + self.ageing_per_h * self.time_s / 3600.0;
+        let (mut fault, mut oil) = (None, None);
+        if let Some((at_s, event)) = &self.event
+            && self.time_s >= *at_s
         {
             let since_s = self.time_s - at_s;
             match event {
                 Event::Leak { share, within_s } => self.level += share * (since_s / within_s).min(1.0),
                 Event::Drift { per_h } => self.level += per_h * since_s / 3600.0,
-                Event::Sensor(what) => fault = Some(what),
+                Event::Sensor(what) => fault = Some(*what),
+                Event::Oil(model) => oil = Some(Arc::clone(model)),
             }
         }
-        self.sample(&point, fault)
+        self.sample(&point, fault, oil.as_deref())
     }
 
     #[allow(
@@ -137,7 +156,7 @@ impl World {
         clippy::cast_sign_loss,
         reason = "the estimator works in f32 and microseconds"
     )]
-    fn sample(&mut self, point: &Point, fault: Option<Fault>) -> (Sample, f64) {
+    fn sample(&mut self, point: &Point, fault: Option<Fault>, oil: Option<&ReducedModel>) -> (Sample, f64) {
         let low_mpa = self.params.low_pressure().get();
         let at = OperatingPoint {
             pump_speed: RevPerMin(point.n_p_rpm as f32),
@@ -150,7 +169,7 @@ impl World {
         let [x, y, z] = law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
         let by_law = f64::from(law.evaluate([x, y, z]).get());
         let kou = self.level * by_law * (1.0 + self.misfit_at([x, y, z].map(f64::from)));
-        let model: &ReducedModel = self.params.reduced();
+        let model = oil.unwrap_or(self.params.reduced());
         let ratio = if point.alpha == 0.0 || point.p_h_mpa <= f64::from(low_mpa) + 0.5 {
             0.0
         } else {

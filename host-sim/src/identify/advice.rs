@@ -41,10 +41,15 @@ pub fn advise(
 ) -> Result<Vec<Proposal>, InputError> {
     let kept: Vec<usize> =
         (0..TERMS.len()).filter(|i| TERMS.get(*i).is_some_and(|t| !fit.dropped.contains(t))).collect();
+    let changed = reduced.with_change(solution.change())?;
     let row = |[n, p, t, alpha]: [f64; 4]| {
-        let all = phi(normalised(&fit.law, n, p, t));
+        let x = normalised(&fit.law, n, p, t);
+        let all = phi(x);
         let at = At { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha };
-        Row { at, ratio: 1.0, phi: kept.iter().map(|i| all[*i]).collect() }
+        let terms: Vec<f64> = kept.iter().map(|i| all[*i]).collect();
+        let kou: f64 = terms.iter().zip(&solution.unknowns).map(|(f, k)| f * k).sum();
+        // What would be measured: its error is relative to it.
+        Row { at, ratio: changed.ratio(&at, kou), x, phi: terms }
     };
     let here: Vec<Row> = measured.iter().map(|a| row([a.n_p_rpm, a.p_h_mpa, a.t_b_c, a.alpha])).collect();
     let levels = |of: fn(&At) -> f64| {
@@ -106,15 +111,21 @@ fn after(
         settings.push(alpha);
         unknowns.push(0.0);
     }
-    let known = solution.unknowns.len();
-    let mut covariance = DMatrix::zeros(unknowns.len(), unknowns.len());
-    covariance
-        .view_mut((0, 0), (known, known))
-        .copy_from(&(&solution.covariance_root * solution.covariance_root.transpose()));
-    if unknowns.len() > known {
-        covariance[(known, known)] = prior.setting.powi(2);
+    // A new setting stands between the unknowns so far and the functions beside the law.
+    let (known, added) = (solution.unknowns.len(), unknowns.len() - solution.unknowns.len());
+    let total = unknowns.len() + solution.beside.len();
+    let place = |i: usize| if i < known { i } else { i + added };
+    let before = &solution.covariance_root * solution.covariance_root.transpose();
+    let mut covariance = DMatrix::zeros(total, total);
+    for i in 0..before.nrows() {
+        for j in 0..before.ncols() {
+            covariance[(place(i), place(j))] = before[(i, j)];
+        }
     }
-    let j = joint::sensitivities(rows, &settings, reduced, &unknowns, prior)?;
+    for i in known..unknowns.len() {
+        covariance[(i, i)] = prior.setting.powi(2);
+    }
+    let j = joint::sensitivities(rows, &settings, reduced, solution, &unknowns, prior)?;
     let gain = &covariance * j.transpose();
     let innovation = &j * &gain + DMatrix::identity(rows.len(), rows.len());
     let Some(factor) = innovation.cholesky() else { return Ok(covariance) };

@@ -100,7 +100,7 @@ pub fn identify(
         refused,
         ratio_error_mean_pct,
         unknowns: unknowns(&fit, &solution),
-        correlation: correlation(&solution.covariance_root),
+        correlation: correlation(&solution),
         chi2_per_freedom: solution.chi2_per_freedom,
         change,
         surrogate,
@@ -126,8 +126,9 @@ fn rows_of(fit: &LawFit, points: &[BenchPoint]) -> Vec<Row> {
     points
         .iter()
         .map(|p| {
-            let all = phi(normalised(&fit.law, p.n_p_rpm, p.p_h_mpa, p.t_b_c));
-            Row { at: At::from(p), ratio: p.ratio, phi: kept.iter().map(|i| all[*i]).collect() }
+            let x = normalised(&fit.law, p.n_p_rpm, p.p_h_mpa, p.t_b_c);
+            let all = phi(x);
+            Row { at: At::from(p), ratio: p.ratio, x, phi: kept.iter().map(|i| all[*i]).collect() }
         })
         .collect()
 }
@@ -175,7 +176,7 @@ fn settle(
         if !failed.is_empty() {
             break;
         }
-        solution = joint::fit(rows, reduced, &correction, prior, Some(&solution.unknowns))?;
+        solution = joint::fit(rows, reduced, &correction, prior, Some(&solution))?;
         if moved < SETTLED {
             break;
         }
@@ -313,7 +314,8 @@ fn unknowns(fit: &LawFit, solution: &Solution) -> Vec<Unknown> {
         .collect()
 }
 
-fn correlation(root: &DMatrix<f64>) -> Vec<Vec<f64>> {
+fn correlation(solution: &Solution) -> Vec<Vec<f64>> {
+    let root = solution.covariance_root.rows(0, solution.unknowns.len());
     let covariance = root * root.transpose();
     let se: Vec<f64> = (0..root.nrows()).map(|i| covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE)).collect();
     (0..root.nrows())
@@ -352,14 +354,13 @@ fn results(
             let kou_law: f64 = row.phi.iter().zip(&solution.unknowns).map(|(f, k)| f * k).sum();
             let root = solution.covariance_root.rows(0, row.phi.len());
             let of_coefficients = (nalgebra::RowDVector::from_row_slice(&row.phi) * root).norm();
-            let leave = (1.0 - solution.weight[i] * solution.leverage[i]).max(1e-3);
             PointResult {
                 point: *point,
                 kou: seen(row, i, solution),
                 kou_law,
                 kou_law_se: of_coefficients.hypot(f64::from(fit.law.residual_se.get())),
                 ratio_by_law: ratio_by_law(params, &solution.at(row), low_mpa),
-                leave_one_out: (solution.ratio[i] - row.ratio) / row.ratio / leave,
+                leave_one_out: solution.ratio_without[i] / row.ratio - 1.0,
                 weight: solution.weight[i],
                 calls: 0,
             }

@@ -6,10 +6,12 @@
 //! | [`memory`] | remembers what a model was asked, so that an interrupted run resumes |
 //! | [`secant`], [`two_step`] | the paper's scheme |
 //! | [`joint`], [`joint_scheme`] | the default: everything fitted together |
+//! | [`discrepancy`] | what no quadratic law can follow, fitted beside it |
 //! | [`surrogate`], [`envelope`] | the reduced model's constants fitted to the full model |
 //! | [`advice`] | which points to measure next |
 
 pub mod advice;
+pub mod discrepancy;
 pub mod envelope;
 pub mod joint;
 pub mod joint_scheme;

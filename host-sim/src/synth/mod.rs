@@ -13,4 +13,4 @@ mod truth;
 pub use bench::{PARTIAL, write_bench};
 pub use drive::write_drive;
 pub use instruments::{BENCH, DRIVE, Instruments, Sigmas};
-pub use truth::{kou_truth, viscosity_mm2_s};
+pub use truth::{Gaps, kou_truth, viscosity_mm2_s};

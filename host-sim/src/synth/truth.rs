@@ -25,21 +25,62 @@ pub fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
 /// Stroke volume of a chamber for which the gaps are sized: a ninth of 301 cm3.
 const STROKE_CM3: f64 = 33.4;
 
-/// Leakage coefficient of one chamber in (L/min)/MPa.
+/// Sizes of the gaps: a chamber's leakage coefficients at 2000 r/min, 30 MPa and 60 degC, and what changes them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaps {
+    /// Piston and bore, (L/min)/MPa.
+    pub piston: f64,
+    /// Relative growth of that gap at 30 MPa.
+    pub elastic: f64,
+    /// Slipper and swash plate, (L/min)/MPa.
+    pub slipper: f64,
+    /// Power of pressure, in units of 30 MPa and above [`Gaps::preload`], with which the slipper's flow falls.
+    pub press: f64,
+    /// What presses the slipper down at no pressure, in units of 30 MPa.
+    pub preload: f64,
+    /// Valve plate and block, (L/min)/MPa.
+    pub valve_plate: f64,
+    /// Relative growth of that gap at 2000 r/min.
+    pub tilt: f64,
+}
+
+impl Default for Gaps {
+    fn default() -> Self {
+        Self {
+            piston: 0.014,
+            elastic: 0.12,
+            slipper: 0.040,
+            press: -0.1,
+            preload: 0.3,
+            valve_plate: 0.010,
+            tilt: 0.25,
+        }
+    }
+}
+
+/// Leakage coefficient of one chamber in (L/min)/MPa, with the gaps of the shipped records.
 #[must_use]
 pub fn kou_truth(machine: &Machine, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> f64 {
-    let (n, p) = (n_p_rpm / 2000.0, p_h_mpa / 30.0);
-    // Shear warms the film by 20 K at 2800 r/min; throttling by 8 K at 30 MPa (half of Delta p/(rho c) goes into metal).
-    let film_c = t_b_c + 10.0 * n * n + 8.0 * p;
-    let thinner = viscosity_mm2_s(machine, 60.0) / viscosity_mm2_s(machine, film_c);
-    let bore = (1.0 + 0.12 * p + 0.0015 * (t_b_c - 60.0)).powi(3);
-    let piston = 0.014 * bore * thinner;
-    let slipper = 0.040 * n * (0.3 + p).powf(-0.1);
-    let tilt = (1.0 + 0.25 * n * n).powi(3);
-    let valve_plate = 0.010 * tilt * thinner;
-    // Similar machines have similar gaps: h^3 * width/length goes with the volume of a chamber.
-    let size = machine.pump().stroke_volume_cm3() / STROKE_CM3;
-    size * (piston + slipper + valve_plate)
+    Gaps::default().kou(machine, n_p_rpm, p_h_mpa, t_b_c)
+}
+
+impl Gaps {
+    /// Leakage coefficient of one chamber in (L/min)/MPa.
+    #[must_use]
+    pub fn kou(&self, machine: &Machine, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> f64 {
+        let (n, p) = (n_p_rpm / 2000.0, p_h_mpa / 30.0);
+        // Shear warms the film by 20 K at 2800 r/min; throttling by 8 K at 30 MPa (half of Delta p/(rho c) goes into metal).
+        let film_c = t_b_c + 10.0 * n * n + 8.0 * p;
+        let thinner = viscosity_mm2_s(machine, 60.0) / viscosity_mm2_s(machine, film_c);
+        let bore = (1.0 + self.elastic * p + 0.0015 * (t_b_c - 60.0)).powi(3);
+        let piston = self.piston * bore * thinner;
+        let slipper = self.slipper * n * (self.preload + p).powf(self.press);
+        let tilt = (1.0 + self.tilt * n * n).powi(3);
+        let valve_plate = self.valve_plate * tilt * thinner;
+        // Similar machines have similar gaps: h^3 * width/length goes with the volume of a chamber.
+        let size = machine.pump().stroke_volume_cm3() / STROKE_CM3;
+        size * (piston + slipper + valve_plate)
+    }
 }
 
 #[cfg(test)]

@@ -6,12 +6,12 @@
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use kou_estimator::reading::Channel;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Fault, Reason, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
 
 use super::{Controller, NoEstimate, Publish};
 use crate::faults::{Code, Snapshot};
-use crate::j1939::{Frame, Node, Outputs, Received};
+use crate::j1939::{DriveReadings, Frame, Node, Outputs, Received};
 use crate::log::info;
 
 /// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
@@ -38,12 +38,28 @@ pub struct Bus<'c, P, M: RawMutex> {
     failed: [Option<Fault>; Channel::ALL.len()],
     started: Option<Micros>,
     dropped: u32,
+    drive: Option<DriveReadings>,
 }
 
 impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
     /// A controller that will claim its address on this bus.
     pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
-        Self { port, node, controller, failed: [None; Channel::ALL.len()], started: None, dropped: 0 }
+        Self {
+            port,
+            node,
+            controller,
+            failed: [None; Channel::ALL.len()],
+            started: None,
+            dropped: 0,
+            drive: None,
+        }
+    }
+
+    /// The same, with the oil temperature that the controller at `source` sends (SPN 177) as a check of the own thermometer.
+    /// Nobody else is listened to: a reading that anybody may send would be a way to silence the estimates.
+    #[must_use]
+    pub fn hearing_oil_from(self, source: u8) -> Self {
+        Self { drive: Some(DriveReadings::new(Some(source))), ..self }
     }
 
     /// Frames that the driver had no room for.
@@ -138,6 +154,9 @@ impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
                 // A tool that does not wait for its answers loses commands, and is answered that a segment is missing.
                 self.controller.commands.try_send((source, data)).ok();
             }
+            if let Some(drive) = &mut self.drive {
+                drive.receive(now, &frame);
+            }
         }
         self.remember(now, estimate.as_ref().ok(), sample);
         while let Ok((tool, answer)) = self.controller.answers.try_receive() {
@@ -159,5 +178,9 @@ impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
             let Some(frame) = self.node.poll(now, &outputs) else { break };
             self.send(&frame);
         }
+    }
+
+    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
+        self.drive.as_ref().map_or(Reading::not_fitted(), |drive| drive.oil_temperature(now))
     }
 }

@@ -24,10 +24,11 @@ pub async fn run_estimate<M: RawMutex>(controller: &Controller<M>, start: Instan
             (None, _) if controller.calibration().is_none() => Err(NoEstimate::Starting),
             (None, _) => Err(NoEstimate::NoCalibration),
             (_, None) => Err(NoEstimate::Starting),
-            (Some(active), Some(mut sample)) => {
+            (Some(Active { params, state, trust, .. }), Some(mut sample)) => {
                 // Judged as of now: if `sample` has stopped, its readings grow stale.
                 sample.time = now();
-                Ok(step(&active.params, &mut active.state, &sample))
+                let estimate = step(params, state, &sample);
+                Ok(trust.judge(state.health().last_change(), estimate))
             }
         };
         controller.set_estimate(now(), estimate);

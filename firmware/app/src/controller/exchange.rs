@@ -11,6 +11,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use kou_estimator::health::HealthState;
 use kou_estimator::{Params, State};
 
+use super::trust::Trust;
 use crate::j1939::CalibrationState;
 use crate::storage::HealthRecord;
 
@@ -37,6 +38,7 @@ pub(super) struct Active {
     pub params: Params,
     pub calibration: CalibrationState,
     pub state: State,
+    pub trust: Trust,
 }
 
 impl<M: RawMutex> Exchange<M> {
@@ -90,12 +92,13 @@ impl<M: RawMutex> Exchange<M> {
                 Slot::Empty => false,
                 Slot::Calibration(params, calibration) => {
                     // The state belongs to the old calibration and goes with it.
-                    *active = Some(Active { params, calibration, state: State::new() });
+                    *active = Some(Active { params, calibration, state: State::new(), trust: Trust::new() });
                     true
                 }
                 Slot::Learned(health) => {
                     if let Some(active) = active {
                         active.state = State::with_health(health);
+                        active.trust = Trust::new();
                     }
                     false
                 }

@@ -41,6 +41,7 @@ mod store;
 mod supervise;
 #[cfg(test)]
 mod tests;
+mod trust;
 mod vital;
 
 pub use bus::{Bus, CanPort};
@@ -61,8 +62,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Duration;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Reading, Sample};
 use serde::{Deserialize, Serialize};
 
 use crate::faults::{Code, FaultMemory, Snapshot};
@@ -113,6 +114,7 @@ pub struct Controller<M: RawMutex> {
     pub commands: Channel<M, (u8, [u8; 8]), QUEUE>,
     /// Answers to them: for whom, and their bytes.
     pub answers: Channel<M, (u8, [u8; 8]), QUEUE>,
+    oil_heard: Mutex<M, Cell<Reading<Celsius>>>,
     /// How every task is doing.
     pub vitals: Vitals,
 }
@@ -132,6 +134,7 @@ impl<M: RawMutex> Controller<M> {
             exchange: Exchange::new(),
             commands: Channel::new(),
             answers: Channel::new(),
+            oil_heard: Mutex::new(Cell::new(Reading::not_fitted())),
             vitals: Vitals::new(),
         }
     }
@@ -203,6 +206,14 @@ impl<M: RawMutex> Controller<M> {
 
     fn set_writing(&self, kind: Option<Kind>) {
         self.writing.store(kind.map_or(0, |kind| (kind as u8).saturating_add(1)), Ordering::Relaxed);
+    }
+
+    fn oil_heard(&self) -> Reading<Celsius> {
+        self.oil_heard.lock(Cell::get)
+    }
+
+    fn set_oil_heard(&self, reading: Reading<Celsius>) {
+        self.oil_heard.lock(|cell| cell.set(reading));
     }
 
     fn set_sample(&self, sample: Sample) {

@@ -41,8 +41,8 @@ use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::update::Service;
 use kou_estimator::calibration::record::crc32;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;
 
 use crate::keeper::Keeper;
@@ -152,6 +152,10 @@ impl Publish for Told {
             let why = estimate.map(|estimate| estimate.seen.err());
             defmt::info!("estimates valid: {=bool}; {}", valid, why);
         }
+    }
+
+    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
+        self.bus.oil_heard(now)
     }
 }
 

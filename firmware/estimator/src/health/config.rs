@@ -103,8 +103,8 @@ pub(crate) struct MachineParts<'a> {
 pub struct HealthParams {
     pub(super) config: HealthConfig,
     pub(super) step: StepThresholds,
-    /// Variance of the level by what no driving averages out.
-    pub(super) systematic2: f32,
+    /// Variance of the level by what no driving averages out, as a quadratic in the level, lowest power first.
+    systematic2: [f32; 3],
     /// Blocks after the start before changes are judged, if the level is learned by then.
     pub(super) settle_blocks: u16,
     /// Blocks after a change from which its causes are judged; until then no other is.
@@ -156,13 +156,24 @@ impl HealthParams {
             chi: balance.lost_fraction().get(),
         };
         let per_level = mean.ratio_per_kou * mean.kou_law;
-        let [pressure, temperature, ..] = signatures_of_others(machine.reduced, law, &mean);
-        let by_pressure =
-            pressure / per_level * machine.errors.high_pressure_relative * config.rated_pressure.get();
-        let by_temperature = temperature / per_level * machine.errors.oil_temperature.get();
-        let by_misfit = MISFIT_SHARE * config.law_misfit;
-        let systematic2 = by_pressure * by_pressure + by_temperature * by_temperature + by_misfit * by_misfit;
-        let sound = systematic2.is_finite() && kou.get() > 0.0 && mean.ratio > 0.0;
+        // An error of pressure or temperature acts through compression, whatever leaks, and through the leakage, in
+        // proportion to the level: where leakage cannot be seen in the ratio, only compression remains.
+        let without = Terms { ratio_per_kou: 0.0, ..mean };
+        let [pressure_0, temperature_0, ..] = signatures_of_others(machine.reduced, law, &without);
+        let [pressure_1, temperature_1, ..] = signatures_of_others(machine.reduced, law, &mean);
+        let by_pressure = machine.errors.high_pressure_relative * config.rated_pressure.get() / per_level;
+        let by_temperature = machine.errors.oil_temperature.get() / per_level;
+        let mut systematic2 = [0.0, 0.0, MISFIT_SHARE * config.law_misfit * MISFIT_SHARE * config.law_misfit];
+        for (constant, with_level) in [
+            (by_pressure * pressure_0, by_pressure * (pressure_1 - pressure_0)),
+            (by_temperature * temperature_0, by_temperature * (temperature_1 - temperature_0)),
+        ] {
+            let [s0, s1, s2] = &mut systematic2;
+            *s0 += constant * constant;
+            *s1 += 2.0 * constant * with_level;
+            *s2 += with_level * with_level;
+        }
+        let sound = systematic2.iter().all(|s| s.is_finite()) && kou.get() > 0.0 && mean.ratio > 0.0;
         consistent("health.rated_n_p_rpm", sound, "the law is not positive at the rated point")?;
         Ok(Self {
             config: *config,
@@ -174,6 +185,13 @@ impl HealthParams {
             rated_leakage_l_min_per_kou: balance.leakage(LeakageCoefficient(1.0)).get(),
             rated_ratio_per_kou: mean.ratio_per_kou,
         })
+    }
+
+    /// Variance of a level by what no driving averages out: errors of pressure and temperature, misfit of the law.
+    #[inline(always)]
+    pub(super) fn systematic_variance(&self, level: f32) -> f32 {
+        let [s0, s1, s2] = self.systematic2;
+        s0 + level * (s1 + level * s2)
     }
 
     /// What a level of leakage, over the law's, means at the rated point.

@@ -72,3 +72,25 @@ impl DriftWatch {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Distance at which a drift is reported, and the blocks that it took; none within 20 000.
+    fn reported(per_block: f32, end: f32, sd: f32) -> Option<(f32, u32)> {
+        let mut watch = DriftWatch::new();
+        watch.restart(0.0);
+        (0..4000).for_each(|_| assert_eq!(watch.takes(0.0, sd, 0.05), None));
+        let level = |i: u32| (per_block * i as f32).min(end);
+        (0..20_000).find_map(|i| Some((watch.takes(level(i), sd, 0.05)?, i)))
+    }
+
+    #[test]
+    fn drift_is_reported_beyond_the_change_worth_a_report_and_two_standard_errors() {
+        // 5 % and twice 1 %. The slow mean lags by 200 blocks, and meets the threshold from below.
+        let (distance, _) = reported(1e-5, 1.0, 0.01).unwrap();
+        assert!((0.07..0.0702).contains(&distance), "{distance}");
+        assert_eq!(reported(1e-5, 0.069, 0.01), None);
+    }
+}

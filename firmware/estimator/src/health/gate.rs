@@ -99,3 +99,62 @@ impl Gate {
         self.deficit.takes(block.mean.deficit, DEFICIT_FLOOR)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::health::Terms;
+    use crate::units::Micros;
+
+    const MEAN: Terms = Terms {
+        deficit: 0.01,
+        ratio_per_kou: 0.5,
+        kou_law: 0.06,
+        ratio: 0.95,
+        n_p_rpm: 2000.0,
+        p_h_mpa: 25.0,
+        t_b_c: 60.0,
+        alpha: 1.0,
+        chi: 0.02,
+    };
+
+    fn block(mean: Terms) -> Block {
+        Block { time: Micros(0), mean, count: 50, after_gap: false }
+    }
+
+    /// Which of speed, pressure, displacement and deficit are steady in the last of twenty blocks.
+    fn steady(of: impl Fn(f32) -> Terms) -> [bool; 4] {
+        let mut gate = Gate::new();
+        gate.restart(&block(of(0.0)));
+        let mut last = [false; 4];
+        for i in 1..=20_u8 {
+            let block = block(of(f32::from(i)));
+            last =
+                [gate.speed(&block), gate.pressure(&block), gate.displacement(&block), gate.deficit(&block)];
+        }
+        last
+    }
+
+    #[test]
+    fn ramp_of_one_signal_closes_the_gate_for_that_signal_alone() {
+        assert_eq!(steady(|_| MEAN), [true; 4]);
+        // Each by one floor per block: a moving average with weight 0.3 lags by some three of them.
+        let ramps: [&dyn Fn(f32) -> Terms; 4] = [
+            &|t| Terms { n_p_rpm: 2000.0 + 10.0 * t, ..MEAN },
+            &|t| Terms { p_h_mpa: 25.0 + 0.4 * t, ..MEAN },
+            &|t| Terms { alpha: 0.9 + 0.003 * t, ..MEAN },
+            &|t| Terms { deficit: 0.01 + 0.004 * t, ..MEAN },
+        ];
+        for (i, ramp) in ramps.into_iter().enumerate() {
+            let got = steady(ramp);
+            for (k, steady) in got.into_iter().enumerate() {
+                assert_eq!(steady, k != i, "ramp {i}: {got:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn slow_change_below_the_floor_leaves_the_gate_open() {
+        assert_eq!(steady(|t| Terms { p_h_mpa: 25.0 + 0.04 * t, ..MEAN }), [true; 4]);
+    }
+}

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Change;
-use super::signature::{CAUSES, Causes, Diagnosis, remaining};
+use super::signature::{CAUSES, Causes, Diagnosis, remaining, ruled_out_after};
 use super::trouble::Trouble;
 use super::ud::PARAMETERS;
 use crate::units::{Micros, Ratio};
@@ -83,10 +83,15 @@ impl Judge {
         self.diagnosis.explained()
     }
 
+    /// Difference in fit from which a cause is ruled out by now; a block is `per_block` decisions.
+    pub fn ruled_out(&self, per_block: f32) -> f32 {
+        ruled_out_after(per_block * self.diagnosis.weight())
+    }
+
     /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
-    pub fn explain(&mut self, explained: &[f32; CAUSES], judge_blocks: u16) {
+    pub fn explain(&mut self, explained: &[f32; CAUSES], ruled_out: f32, judge_blocks: u16) {
         if self.diagnosis.blocks() >= u32::from(judge_blocks) {
-            self.causes = remaining(explained);
+            self.causes = remaining(explained, ruled_out);
         }
     }
 
@@ -104,7 +109,7 @@ impl Judge {
         if self.diagnosis.blocks() < u32::from(judge_blocks) {
             return Verdict::Unchanged;
         }
-        if self.causes.no_leakage() && !self.suspect && self.diagnosis.blocks() == u32::from(judge_blocks) {
+        if self.causes.no_leakage() && !self.suspect {
             self.suspect = true;
             self.as_before = 0;
             return Verdict::SensorSuspected;

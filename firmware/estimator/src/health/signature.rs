@@ -181,8 +181,15 @@ pub struct Diagnosis {
 }
 
 /// Difference in fit, in units of chi-squared, at which a cause is ruled out against the best one: a likelihood ratio of
-/// e^12, which leaves room for a law whose misfit happens to look like a signature.
+/// e^12.
 const RULED_OUT: f32 = 25.0;
+/// The same per decision, however many there are. What the law misses and what was learned wrongly before the change
+/// stay the same at every visit of an operating point, so that their share of a difference grows as fast as the
+/// evidence does: a cause is ruled out only where it leaves more than the law's own misfit unexplained.
+const RULED_OUT_PER_DECISION: f32 = 0.8;
+/// How much clearer it must be that the temperature alone is wrong, and nothing has worn: law and temperature sensor err
+/// in nearly the same way over operating points.
+const SURER: f32 = 3.0;
 
 /// Blocks after which old ones fade, so that the diagnosis follows the machine.
 const MEMORY_BLOCKS: u32 = 4000;
@@ -214,6 +221,12 @@ impl Diagnosis {
         self.blocks
     }
 
+    /// Blocks that count: old ones fade.
+    #[must_use]
+    pub fn weight(&self) -> f32 {
+        (if self.blocks < MEMORY_BLOCKS { self.blocks } else { MEMORY_BLOCKS }) as f32
+    }
+
     /// What each cause explains, in units of chi-squared.
     #[must_use]
     pub fn explained(&self) -> [f32; CAUSES] {
@@ -229,16 +242,63 @@ impl Diagnosis {
     }
 }
 
-/// The causes that remain: those that explain nearly as much as the best.
+/// Difference in fit from which a cause is ruled out after a number of decisions.
+pub fn ruled_out_after(decisions: f32) -> f32 {
+    let of_misfit = RULED_OUT_PER_DECISION * decisions;
+    if of_misfit > RULED_OUT { of_misfit } else { RULED_OUT }
+}
+
+/// The causes that remain: those that explain as much as the best but for less than `ruled_out`.
 #[must_use]
-pub fn remaining(explained: &[f32; CAUSES]) -> Causes {
+pub fn remaining(explained: &[f32; CAUSES], ruled_out: f32) -> Causes {
     // A comparison, since `max` would be a call of a function.
     let best = explained.iter().fold(0.0, |best, value| if *value > best { *value } else { best });
     let mut causes = Causes::default();
     for (value, cause) in explained.iter().zip(Cause::ALL) {
-        if best - value < RULED_OUT {
+        if best - value < ruled_out {
             causes = causes.with(cause);
         }
     }
+    let [wear, ..] = explained;
+    if causes == Causes::none().with(Cause::Temperature) && best - wear < SURER * ruled_out {
+        causes = causes.with(Cause::Wear);
+    }
     causes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DECISIONS: f32 = 100.0;
+
+    fn with(fits: &[(Cause, f32)]) -> Causes {
+        let mut explained = [0.0; CAUSES];
+        for (cause, fit) in fits {
+            explained[*cause as usize] = *fit;
+        }
+        remaining(&explained, ruled_out_after(DECISIONS))
+    }
+
+    #[test]
+    fn cause_that_explains_less_by_no_more_than_the_laws_misfit_could_remains() {
+        // 100 decisions: 80 units are what the misfit may do.
+        let both = with(&[(Cause::Wear, 500.0), (Cause::Temperature, 421.0)]);
+        assert!(both.contains(Cause::Wear) && both.contains(Cause::Temperature) && !both.only_leakage());
+        let wear = with(&[(Cause::Wear, 500.0), (Cause::Temperature, 419.0)]);
+        assert!(wear.only_leakage());
+        // With few decisions evidence itself is short: 25 units.
+        let mut explained = [0.0; CAUSES];
+        explained[Cause::Wear as usize] = 24.0;
+        assert_eq!(remaining(&explained, ruled_out_after(1.0)).iter().count(), CAUSES);
+    }
+
+    #[test]
+    fn temperature_alone_is_believed_only_where_it_is_three_times_clearer() {
+        let both = with(&[(Cause::Temperature, 500.0), (Cause::Wear, 261.0)]);
+        assert!(both.contains(Cause::Wear) && !both.no_leakage() && !both.only_leakage());
+        assert!(with(&[(Cause::Temperature, 500.0), (Cause::Wear, 259.0)]).no_leakage());
+        // Another sensor is believed at once.
+        assert!(with(&[(Cause::MotorSpeedOffset, 500.0), (Cause::Wear, 261.0)]).no_leakage());
+    }
 }

@@ -233,4 +233,16 @@ mod tests {
         }
         assert!((ud.variances()[0] - 0.04).abs() < 1e-6);
     }
+
+    #[test]
+    fn variances_stay_above_their_bound_however_much_is_learned() {
+        let mut ud = UdFilter::new([0.0; 4], [0.01, 5e-5, 0.01, 0.01]);
+        for i in 0..200_000_u32 {
+            let x = |k: u32| ((i * k) % 101) as f32 / 101.0 - 0.5;
+            ud.update([0.05 + 0.02 * x(13), 1.0 + 0.1 * x(29), 0.05 * x(31), 0.05 * x(43)], 0.001, 1e-9);
+        }
+        assert!(ud.is_sound());
+        // The last parameter's variance is the last factor alone.
+        assert!(ud.variances().iter().all(|v| *v >= D_MIN), "{:?}", ud.variances());
+    }
 }

@@ -1,15 +1,21 @@
 //! `host-sim evaluate`: how well health is judged, by Monte Carlo.
 
-use std::path::{Path, PathBuf};
+mod alarms;
+mod plots;
 
-use kou_estimator::health::HealthConfig;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use kou_estimator::Calibration;
+use kou_estimator::health::Cause;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::lines::{Lines, Series};
 use super::{Failure, print_json, print_text};
 use crate::calibration::{self, SensorClass};
-use crate::evaluate::{COMMISSIONING_H, Event, Fault, Run, Setting, quantile};
+use crate::evaluate::{
+    Course, DIMENSIONS, Event, Looks, Named, Run, Setting, Share, Tally, faults, quantile,
+};
 use crate::input::InputError;
 use crate::machine::Machine;
 
@@ -40,7 +46,8 @@ pub struct Args {
     /// Rise of leakage by ageing of the oil, per hour.
     #[arg(long, default_value_t = 0.0)]
     pub oil_ageing_per_h: f64,
-    /// Folder for plots (SVG) and their data (CSV): delay against size, coverage against what is stated.
+    /// Folder for plots (SVG) and their data (CSV): delay against size, coverage against what is stated, false reports
+    /// against the threshold.
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
     /// Print one JSON object.
@@ -58,6 +65,13 @@ const COVERAGE_WORLDS: u64 = 10;
 const COVERAGE_H: f64 = 2.0;
 /// Hours in which a drift is looked for.
 const DRIFT_H: f64 = 15.0;
+/// Wear that machines have behind them when learning begins, 1 sigma, where coverage is counted: what the prior of the
+/// level says, of which new machines would have nothing.
+const WORN_SD: f64 = 0.3;
+/// Sizes of leaks, shares of the law.
+const LEAKS: [f64; 8] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0];
+/// Drift per hour.
+const DRIFT_PER_H: f64 = 0.01;
 /// Nominal probabilities of the intervals that are looked at, with the standard errors on either side.
 const NOMINAL: [(f64, f64); 5] = [(0.5, 0.674), (0.683, 1.0), (0.8, 1.282), (0.95, 1.96), (0.99, 2.576)];
 
@@ -68,8 +82,11 @@ struct Detection {
     runs: usize,
     delay_s_median: Option<f64>,
     delay_s_95: Option<f64>,
+    within_60_s: usize,
+    within_600_s: usize,
     wear_confirmed: usize,
     sensor_blamed: usize,
+    remaining: BTreeMap<String, usize>,
 }
 
 impl Detection {
@@ -80,9 +97,12 @@ impl Detection {
             reported: delays.len(),
             runs: runs.len(),
             delay_s_median: quantile(delays.clone(), runs.len(), 0.5),
+            within_60_s: delays.iter().filter(|d| **d <= 60.0).count(),
+            within_600_s: delays.iter().filter(|d| **d <= 600.0).count(),
             delay_s_95: quantile(delays, runs.len(), 0.95),
             wear_confirmed: runs.iter().filter(|r| r.wear).count(),
             sensor_blamed: runs.iter().filter(|r| r.sensor).count(),
+            remaining: remaining(runs),
         }
     }
 }
@@ -120,13 +140,23 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         class: args.class,
         misfit: args.misfit,
         oil_ageing_per_h: args.oil_ageing_per_h,
+        worn_sd: 0.0,
         seed: args.seed,
     };
-    let report = study(args, &setting, calibration.health)?;
+    let report = study(args, &setting, &calibration)?;
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
 }
 
-fn study(args: &Args, setting: &Setting, health: HealthConfig) -> Result<Value, Failure> {
+/// In how many runs each cause remained at the end.
+fn remaining(runs: &[Run]) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for cause in runs.iter().flat_map(|r| &r.remaining) {
+        *counts.entry((*cause).to_string()).or_insert(0) += 1;
+    }
+    counts
+}
+
+fn study(args: &Args, setting: &Setting, calibration: &Calibration) -> Result<Value, Failure> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -134,35 +164,29 @@ fn study(args: &Args, setting: &Setting, health: HealthConfig) -> Result<Value, 
     )]
     let worlds = (args.hours / WORLD_H).ceil() as u64;
     let hours_each = args.hours / worlds as f64;
-    let healthy = setting.runs(worlds, hours_each, None);
+    let healthy = setting.runs(worlds, hours_each);
     let sum = |of: fn(&Run) -> f64| healthy.iter().map(of).sum::<f64>();
-    let coverage = Coverage::of(&setting.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H, None));
+    let worn = Setting { worn_sd: WORN_SD, ..setting.clone() };
+    let coverage = Coverage::of(&worn.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H));
     let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
-    let hours = COMMISSIONING_H + AFTER_H;
-    let detections: Vec<Detection> = [0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0]
-        .into_iter()
-        .map(|share| {
-            Detection::of(share, &setting.runs(args.runs, hours, Some(Event::Leak { share, within_s: 60.0 })))
-        })
+
+    let named = faults(&setting.params, &calibration.oil).map_err(|e| {
+        InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.calibration)
+    })?;
+    let courses = courses(&named);
+    let mut results = setting.courses(args.runs, &courses).into_iter();
+    let detections: Vec<Detection> =
+        LEAKS.iter().zip(results.by_ref()).map(|(share, runs)| Detection::of(*share, &runs)).collect();
+    let confusion: Map<String, Value> = named
+        .iter()
+        .zip(results.by_ref())
+        .map(|(fault, runs)| (fault.name.into(), confusion(fault, &runs)))
         .collect();
-    let mut confusion = Map::new();
-    for (name, fault) in faults(setting) {
-        let runs = setting.runs(args.runs, hours, Some(Event::Sensor(fault)));
-        confusion.insert(
-            name.into(),
-            json!({
-                "runs": runs.len(),
-                "reported": runs.iter().filter(|r| r.delay_s.is_some()).count(),
-                "wear_confirmed": runs.iter().filter(|r| r.wear).count(),
-                "sensor_blamed": runs.iter().filter(|r| r.sensor).count(),
-                "remaining_in_first_run": runs.first().map(|r| &r.remaining),
-            }),
-        );
-    }
-    let drift = setting.runs(args.runs, COMMISSIONING_H + DRIFT_H, Some(Event::Drift { per_h: 0.01 }));
+    let drift = results.next().unwrap_or_default();
     let levels: Vec<f64> = drift.iter().filter_map(|r| r.level_at_report).collect();
     if let Some(folder) = &args.plots {
-        plot(folder, &detections, &coverage, &health, open)?;
+        let alarms = alarms::measure(setting, calibration, args.hours)?;
+        plots::draw(folder, &detections, &coverage, &alarms, &calibration.health, open)?;
     }
     Ok(json!({
         "healthy_hours": args.hours,
@@ -170,122 +194,96 @@ fn study(args: &Args, setting: &Setting, health: HealthConfig) -> Result<Value, 
         "false_wear_worlds": healthy.iter().filter(|r| r.false_wear).count(),
         "gate_open_of_judged": open,
         "coverage_worlds": COVERAGE_WORLDS * args.runs,
-        "coverage_level_95": coverage.level_95,
-        "coverage_kou_95": coverage.kou_95,
+        "coverage_95": { "level": &coverage.of_level, "kou": &coverage.of_kou },
         "level_error_rms": coverage.level_error_rms,
         "detection": detections,
         "drift_1_pct_per_h": {
             "runs": drift.len(),
             "reported": levels.len(),
             "level_at_report_median": quantile(levels.clone(), drift.len(), 0.5),
-            "level_at_report_95": quantile(levels, drift.len(), 0.95),
+            "level_at_report_95": quantile(levels.clone(), drift.len(), 0.95),
+            "level_at_report_largest": levels.iter().copied().reduce(f64::max),
         },
-        "faults_of_2_pct_of_span": confusion,
+        "faults": confusion,
     }))
+}
+
+/// Leaks, faults and the drift, in this order.
+fn courses(faults: &[Named]) -> Vec<Course> {
+    let wear = |event, hours, until_report| Course { event, hours, until_report, cause: Cause::Wear };
+    let leaks = LEAKS.iter().map(|share| wear(Event::Leak { share: *share, within_s: 60.0 }, AFTER_H, false));
+    let faults = faults.iter().map(|fault| Course {
+        event: fault.event.clone(),
+        hours: AFTER_H,
+        until_report: false,
+        cause: fault.cause,
+    });
+    let drift = wear(Event::Drift { per_h: DRIFT_PER_H }, DRIFT_H, true);
+    leaks.chain(faults).chain([drift]).collect()
+}
+
+/// What was made of a fault.
+fn confusion(fault: &Named, runs: &[Run]) -> Value {
+    json!({
+        "cause": fault.cause.name(),
+        "runs": runs.len(),
+        "reported": runs.iter().filter(|r| r.delay_s.is_some()).count(),
+        "wear_confirmed": runs.iter().filter(|r| r.wear).count(),
+        "sensor_blamed": runs.iter().filter(|r| r.sensor).count(),
+        "ever_named_causes_without_it": runs.iter().filter(|r| r.misled).count(),
+        "remaining": remaining(runs),
+    })
+}
+
+/// How often the 95 % intervals of one quantity held the truth.
+#[derive(Debug, Serialize)]
+struct Shares {
+    all: Share,
+    first_quarter_hour: Share,
+    first_90_min: Share,
+    later: Share,
+    /// Lower, middle and upper third of each dimension.
+    by_third: BTreeMap<&'static str, [Share; 3]>,
+}
+
+impl Shares {
+    fn of(runs: &[Run], looks: fn(&Run) -> &Looks) -> Self {
+        let over = |of: &dyn Fn(&Looks) -> Tally| Share::over(runs.iter().map(|r| of(looks(r))));
+        let third = |dimension: usize, third: usize| {
+            over(&|l| l.by_region.get(dimension).and_then(|t| t.get(third)).copied().unwrap_or_default())
+        };
+        let dimensions = DIMENSIONS.iter().enumerate();
+        Self {
+            all: over(&Looks::all),
+            first_quarter_hour: over(&|l| l.by_time[0]),
+            first_90_min: over(&Looks::early),
+            later: over(&Looks::late),
+            by_third: dimensions.map(|(i, name)| (*name, [0, 1, 2].map(|k| third(i, k)))).collect(),
+        }
+    }
 }
 
 /// How often intervals held the truth.
 struct Coverage {
-    level_95: f64,
-    kou_95: f64,
+    of_level: Shares,
+    of_kou: Shares,
     level_error_rms: f64,
-    /// Nominal probability and share, of the level.
+    /// Nominal probability and share, of the level at the end.
     level: Vec<(f64, f64)>,
 }
 
 impl Coverage {
     fn of(runs: &[Run]) -> Self {
-        let sum = |of: fn(&Run) -> f64| runs.iter().map(of).sum::<f64>();
-        let looks = sum(|r| f64::from(r.level_looks)).max(1.0);
+        let looks = runs.iter().map(|r| f64::from(r.level.all().looks)).sum::<f64>().max(1.0);
         let ratios: Vec<f64> = runs.iter().filter_map(|r| r.level_error_in_se).collect();
         let within = |se: f64| ratios.iter().filter(|z| z.abs() <= se).count() as f64 / ratios.len() as f64;
         Self {
-            level_95: sum(|r| f64::from(r.level_hits)) / looks,
-            kou_95: sum(|r| f64::from(r.kou_hits)) / sum(|r| f64::from(r.kou_looks)).max(1.0),
-            level_error_rms: (sum(|r| r.level_error2) / looks).sqrt(),
+            of_level: Shares::of(runs, |r| &r.level),
+            of_kou: Shares::of(runs, |r| &r.kou),
+            level_error_rms: (runs.iter().map(|r| r.level_error2).sum::<f64>() / looks).sqrt(),
             level: NOMINAL.iter().map(|(nominal, se)| (*nominal, within(*se))).collect(),
         }
     }
-}
-
-/// Draws measured curves beside derived ones.
-fn plot(
-    folder: &Path,
-    detections: &[Detection],
-    coverage: &Coverage,
-    health: &HealthConfig,
-    open: f64,
-) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| InputError::new(format!("cannot be made: {e}")).at_file(folder))?;
-    let measured = |of: fn(&Detection) -> Option<f64>| {
-        detections.iter().filter_map(move |d| Some((100.0 * d.share, of(d)?)))
-    };
-    let shares = (6..=100).map(|i| f64::from(i) / 100.0);
-    let derived = shares.filter_map(|share| Some((100.0 * share, derived_delay_s(health, open, share)?)));
-    let delay = Lines {
-        title: "Delay from the onset of a leak that grows within a minute to its report",
-        x: "change of leakage, %",
-        y: "judged driving, s",
-        series: vec![
-            Series::new("median of runs", measured(|d| d.delay_s_median)),
-            Series::new("95 % of runs", measured(|d| d.delay_s_95)),
-            Series::new("derived", derived.filter(|(_, delay)| *delay < 300.0)),
-        ],
-    };
-    let intervals = Lines {
-        title: "Intervals of the level: how often they hold the truth",
-        x: "nominal probability",
-        y: "share of worlds",
-        series: vec![
-            Series::new("measured", coverage.level.iter().copied()),
-            Series::new("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),
-        ],
-    };
-    for (name, lines) in [("health_delay", delay), ("health_coverage", intervals)] {
-        lines.write_csv(&folder.join(format!("{name}.csv")))?;
-        lines.draw(&folder.join(format!("{name}.svg")))?;
-    }
-    Ok(())
-}
-
-/// Delay by the derivation in `docs/health.md`: the expected sum reaches the limit.
-fn derived_delay_s(health: &HealthConfig, open: f64, share: f64) -> Option<f64> {
-    let f = f64::from;
-    let (block_s, misfit) = (f64::from(health.block_us) / 1e6, f(health.law_misfit));
-    let decisions = f(health.run_length_h) * 3600.0 / (block_s * f(health.misfit_blocks));
-    let limit = (2.0 * decisions).ln();
-    let largest = 2.0 * limit / f(health.misfit_blocks);
-    let noise2 = misfit * misfit * f(health.misfit_blocks);
-    let design = 2.0 * f(health.report_change);
-    let mut sum = 0.0_f64;
-    (1..7200).find_map(|i| {
-        let t_s = f64::from(i) * block_s;
-        let level = share * (t_s / 60.0).min(1.0);
-        let part = (design * (level - 0.5 * design) / noise2).clamp(-largest, largest);
-        sum = (sum + open * part).max(0.0);
-        (sum >= limit).then_some(t_s)
-    })
-}
-
-/// Offsets of 2 % of each sensor's span, both ways.
-pub fn faults(setting: &Setting) -> Vec<(&'static str, Fault)> {
-    let ranges = setting.params.sensor_ranges();
-    let speed = 0.02 * f64::from(ranges.speed_max.get());
-    let pressure = 0.02 * f64::from(ranges.pressure_max.get() - ranges.pressure_min.get());
-    let temperature = 0.02 * f64::from(ranges.temperature_max.get() - ranges.temperature_min.get());
-    vec![
-        ("pressure_up", Fault::PressureOffset(pressure)),
-        ("pressure_down", Fault::PressureOffset(-pressure)),
-        ("temperature_up", Fault::TemperatureOffset(temperature)),
-        ("temperature_down", Fault::TemperatureOffset(-temperature)),
-        ("pump_speed_up", Fault::PumpSpeedOffset(speed)),
-        ("pump_speed_down", Fault::PumpSpeedOffset(-speed)),
-        ("motor_speed_up", Fault::MotorSpeedOffset(speed)),
-        ("motor_speed_down", Fault::MotorSpeedOffset(-speed)),
-        // Span -1 to 1.
-        ("displacement_down", Fault::DisplacementOffset(-0.04)),
-    ]
 }
 
 fn text(report: &Value) -> String {

@@ -1,0 +1,68 @@
+//! False reports of healthy machines against the threshold from which a step is reported.
+//!
+//! At the stated run length none can be seen in any time that can be simulated. So thresholds of shorter run lengths are
+//! tried, and machines that miss the law by more than is declared, which is what the derivation does not cover.
+
+use kou_estimator::health::HealthConfig;
+use kou_estimator::{Calibration, Params};
+
+use crate::commands::Failure;
+use crate::evaluate::Setting;
+use crate::input::InputError;
+
+/// Run lengths tried, in hours.
+const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
+/// Misfits of the simulated machines over the declared one.
+pub(super) const MISFITS: [f64; 3] = [1.0, 2.0, 3.0];
+/// Share of the hours of healthy driving for each point.
+const HOURS_SHARE: f64 = 0.2;
+/// Worlds for each point.
+const WORLDS: u64 = 20;
+
+/// False reports at one threshold.
+pub(super) struct Alarms {
+    /// Misfit over the declared one.
+    pub(super) misfits: f64,
+    /// Threshold, a log-likelihood ratio.
+    pub(super) threshold: f64,
+    /// At most so many false reports per 1000 h by the derivation.
+    pub(super) derived_per_1000_h: f64,
+    /// False reports.
+    pub(super) reports: u32,
+    /// Hours driven.
+    pub(super) hours: f64,
+}
+
+/// Sum of log-likelihood ratios at which a step is reported, by the derivation in `docs/health.md`.
+pub(super) fn threshold(health: &HealthConfig) -> f64 {
+    let f = f64::from;
+    let decision_h = f64::from(health.block_us) / 3.6e9 * f(health.misfit_blocks);
+    (2.0 * f(health.run_length_h) / decision_h).ln().max(3.0)
+}
+
+/// Drives healthy machines at each threshold.
+pub(super) fn measure(
+    setting: &Setting,
+    calibration: &Calibration,
+    hours: f64,
+) -> Result<Vec<Alarms>, Failure> {
+    let hours_each = (HOURS_SHARE * hours / WORLDS as f64).max(0.5);
+    let mut alarms = Vec::new();
+    for misfits in MISFITS {
+        for run_length_h in RUN_LENGTHS_H {
+            let mut tried = calibration.clone();
+            tried.health.run_length_h = run_length_h;
+            let params = Params::new(&tried).map_err(|e| InputError::new(e.to_string()))?;
+            let misfit = misfits * f64::from(calibration.health.law_misfit);
+            let runs = Setting { params, misfit, ..setting.clone() }.runs(WORLDS, hours_each);
+            alarms.push(Alarms {
+                misfits,
+                threshold: threshold(&tried.health),
+                derived_per_1000_h: 1000.0 / f64::from(run_length_h),
+                reports: runs.iter().map(|r| r.false_changes).sum(),
+                hours: WORLDS as f64 * hours_each,
+            });
+        }
+    }
+    Ok(alarms)
+}
