@@ -33,6 +33,9 @@ pub enum Reason {
     RatioAboveLeakFree,
     /// The coefficient seen is above `limits.max_kou`: no plausible leakage explains the measured ratio.
     KouImplausible,
+    /// What was learned while driving says that a sensor, the displacement or the oil has changed, not the leakage. No
+    /// step of the estimator says so by itself: a controller does, from [`Health`].
+    SensorSuspected,
 }
 
 impl Reason {
@@ -51,6 +54,7 @@ impl Reason {
             Self::RatioNotPositive => "ratio_not_positive",
             Self::RatioAboveLeakFree => "ratio_above_leak_free",
             Self::KouImplausible => "kou_implausible",
+            Self::SensorSuspected => "sensor_suspected",
         }
     }
 }

@@ -37,6 +37,7 @@ fn reason_name(reason: Option<Reason>) -> Value {
             format!("outside region:{}", words.replace("plus", "+").replace("minus", "-"))
         }
         Some(Reason::KouImplausible) => "Kou implausible".to_owned(),
+        Some(Reason::SensorSuspected) => "sensor suspected".to_owned(),
         Some(reason) => reason.name().replace('_', " "),
     })
 }
@@ -93,11 +94,15 @@ pub fn meaning(
     if pgn == c::LEAKAGE.pgn {
         let signals = meant([
             (&c::KOU_EXPECTED, n(&c::KOU_EXPECTED, expected.map(|e| e.kou.get()))),
-            (&c::KOU_EXPECTED_SE, n(&c::KOU_EXPECTED_SE, expected.map(|e| e.kou_se.get()))),
             (&c::KOU_SEEN, n(&c::KOU_SEEN, seen.map(|s| s.kou.get()))),
-            (&c::KOU_SEEN_SE, n(&c::KOU_SEEN_SE, seen.map(|s| s.kou_se.get()))),
         ]);
         (&c::LEAKAGE, signals)
+    } else if pgn == c::LEAKAGE_SE.pgn {
+        let signals = meant([
+            (&c::KOU_EXPECTED_SE, n(&c::KOU_EXPECTED_SE, expected.map(|e| e.kou_se.get()))),
+            (&c::KOU_SEEN_SE, n(&c::KOU_SEEN_SE, seen.map(|s| s.kou_se.get()))),
+        ]);
+        (&c::LEAKAGE_SE, signals)
     } else if pgn == c::EFFICIENCY.pgn {
         let percent = |ratio: f32| 100.0 * ratio;
         let by_law = expected.map(|e| percent(e.volumetric_efficiency.get()));

@@ -2,6 +2,7 @@
 
 mod count;
 mod elf;
+mod executors;
 mod limits;
 mod stack;
 mod thumb;
@@ -135,8 +136,9 @@ fn board_stack(workspace: &Workspace) -> Result<Vec<Figure>> {
 
 /// Of the firmware for the vehicle's board.
 fn vehicle_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
-    let sizes = elf::sizes(&firmware::build_for(workspace, firmware::VEHICLE_BOARD)?)?;
-    Ok(vec![
+    let elf = firmware::build_for(workspace, firmware::VEHICLE_BOARD)?;
+    let sizes = elf::sizes(&elf)?;
+    let mut figures = vec![
         figure(
             "g474_flash_bytes",
             "G474 firmware: flash (code, constants, initial RAM)",
@@ -144,7 +146,9 @@ fn vehicle_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
             sizes.flash(),
         ),
         figure("g474_ram_bytes", "G474 firmware: static RAM", "bytes", sizes.ram()),
-    ])
+    ];
+    figures.extend(executors::figures(&elf, sizes.ram())?);
+    Ok(figures)
 }
 
 fn table(figures: &[Figure], limits: &Limits) -> String {

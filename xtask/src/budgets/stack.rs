@@ -2,8 +2,8 @@
 //!
 //! Every function's frame is the sum of all that its instructions take from the stack, its depth the frame plus the
 //! deepest of the functions it branches to. An upper bound: branches that exclude each other are added up, and a tail
-//! call counts as a call. Calls through registers, recursion and frames of unknown size have no bound and are errors,
-//! so the figure cannot be silently too small.
+//! call counts as a call. Recursion, frames of unknown size and calls through registers whose targets no [`Rule`] names have
+//! no bound and are errors, so the figure cannot be silently too small.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -20,19 +20,41 @@ struct Function {
     name: String,
     frame: u32,
     calls: BTreeSet<u32>,
+    /// Whether it calls or jumps to addresses held in registers.
+    indirect: bool,
     /// Why there is no bound.
     unbounded: Option<&'static str>,
 }
 
+/// Where calls through registers lead, by parts of the linker's names.
+#[derive(Debug, Clone, Copy)]
+pub struct Rule {
+    /// Functions that make such calls; the first rule that names one holds.
+    pub of: &'static [&'static str],
+    /// All functions that they may reach.
+    pub reach: &'static [Reach],
+}
+
+/// Functions that a call through a register may reach.
+#[derive(Debug, Clone, Copy)]
+pub enum Reach {
+    /// All whose name has this part.
+    Named(&'static str),
+    /// Those of them that call one whose name has the other part; there must be exactly one.
+    Calling(&'static str, &'static str),
+}
+
 /// All functions by address.
-struct Program {
+pub struct Program {
     functions: BTreeMap<u32, Function>,
+    rules: &'static [Rule],
+    /// Functions, by parts of their names, that end the program and are not counted.
+    ends: &'static [&'static str],
 }
 
 /// The entry points that firmware calls.
 pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
-    let bytes = std::fs::read(elf).with_context(|| format!("reading {}", elf.display()))?;
-    let program = Program::read(&bytes).with_context(|| format!("reading {}", elf.display()))?;
+    let program = Program::load(elf, &[], &[])?;
     let depth = |name: &str| program.depth_of(name).map(u64::from);
     Ok([
         figure("step_stack_bytes", "step: stack, static bound", "bytes", depth("kou_step")?),
@@ -58,7 +80,14 @@ pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
 }
 
 impl Program {
-    fn read(bytes: &[u8]) -> Result<Self> {
+    /// Reads a linked binary.
+    pub fn load(elf: &Path, rules: &'static [Rule], ends: &'static [&'static str]) -> Result<Self> {
+        let bytes = std::fs::read(elf).with_context(|| format!("reading {}", elf.display()))?;
+        let functions = Self::read(&bytes).with_context(|| format!("reading {}", elf.display()))?;
+        Ok(Self { functions, rules, ends })
+    }
+
+    fn read(bytes: &[u8]) -> Result<BTreeMap<u32, Function>> {
         let file = object::File::parse(bytes)?;
         // Arm's mapping symbols: $t begins code, $d data (literal pools and jump tables) within a section.
         let mapping: BTreeMap<u32, bool> = file
@@ -85,13 +114,18 @@ impl Program {
             let name = symbol.name()?.to_owned();
             functions.insert(start, Function::of(name, start, body, is_code));
         }
-        Ok(Self { functions })
+        Ok(functions)
     }
 
-    fn depth_of(&self, name: &str) -> Result<u32> {
+    /// Deepest stack of a function and all that it calls.
+    pub fn depth_of(&self, name: &str) -> Result<u32> {
         let found = self.functions.iter().find(|(_, function)| function.name == name);
         let (start, _) = found.with_context(|| format!("the binary has no function `{name}`"))?;
-        self.depth(*start, &mut Vec::new(), &mut BTreeMap::new())
+        let mut path = Vec::new();
+        self.depth(*start, &mut path, &mut BTreeMap::new()).with_context(|| {
+            let names = path.iter().filter_map(|at| Some(self.functions.get(at)?.name.as_str()));
+            format!("on the way {}", names.collect::<Vec<_>>().join(" > "))
+        })
     }
 
     fn depth(&self, at: u32, path: &mut Vec<u32>, known: &mut BTreeMap<u32, u32>) -> Result<u32> {
@@ -101,6 +135,9 @@ impl Program {
         let Some(function) = self.functions.get(&at) else {
             bail!("a branch to {at:#x} leads to no known function; stack depth has no bound")
         };
+        if contains_any(&function.name, self.ends) {
+            return Ok(0);
+        }
         if let Some(why) = function.unbounded {
             bail!("`{}` {why}; stack depth has no bound", function.name);
         }
@@ -109,14 +146,52 @@ impl Program {
         }
         path.push(at);
         let mut deepest = 0;
-        for call in &function.calls {
-            deepest = deepest.max(self.depth(*call, path, known)?);
+        for call in function.calls.iter().copied().chain(self.reached_from(function)?) {
+            deepest = deepest.max(self.depth(call, path, known)?);
         }
         path.pop();
         let depth = function.frame + deepest;
         known.insert(at, depth);
         Ok(depth)
     }
+}
+
+impl Program {
+    fn calls(&self, function: &Function, part: &str) -> bool {
+        let mut called = function.calls.iter().filter_map(|call| self.functions.get(call));
+        called.any(|called| called.name.contains(part))
+    }
+
+    /// Functions that one may call through registers.
+    fn reached_from(&self, function: &Function) -> Result<Vec<u32>> {
+        if !function.indirect {
+            return Ok(Vec::new());
+        }
+        let Some(rule) = self.rules.iter().find(|rule| contains_any(&function.name, rule.of)) else {
+            bail!("`{}` calls through a register; stack depth has no bound", function.name)
+        };
+        let mut reached = Vec::new();
+        for reach in rule.reach {
+            let (Reach::Named(part) | Reach::Calling(part, _)) = reach;
+            let named = self.functions.iter().filter(|(_, other)| other.name.contains(part));
+            let found: Vec<u32> = match reach {
+                Reach::Named(_) => named.map(|(at, _)| *at).collect(),
+                Reach::Calling(_, what) => {
+                    named.filter(|(_, other)| self.calls(other, what)).map(|(at, _)| *at).collect()
+                }
+            };
+            let is_unclear = matches!(reach, Reach::Calling(..)) && found.len() > 1;
+            if found.is_empty() || is_unclear {
+                bail!("{} functions are {reach:?}, which `{}` should reach", found.len(), function.name);
+            }
+            reached.extend(found);
+        }
+        Ok(reached)
+    }
+}
+
+fn contains_any(name: &str, parts: &[&str]) -> bool {
+    parts.iter().any(|part| name.contains(part))
 }
 
 impl Function {
@@ -141,7 +216,7 @@ impl Function {
                 Effect::Goes(to) | Effect::Calls(to) => {
                     function.calls.insert(to);
                 }
-                Effect::GoesUnknown => function.unbounded = Some("calls through a register"),
+                Effect::GoesUnknown => function.indirect = true,
             }
             offset += length;
         }
@@ -156,9 +231,9 @@ mod tests {
     fn program(functions: &[(u32, u32, &[u32])]) -> Program {
         let functions = functions.iter().map(|(at, frame, calls)| {
             let calls = calls.iter().copied().collect();
-            (*at, Function { name: format!("f{at}"), frame: *frame, calls, unbounded: None })
+            (*at, Function { name: format!("f{at}"), frame: *frame, calls, ..Function::default() })
         });
-        Program { functions: functions.collect() }
+        Program { functions: functions.collect(), rules: &[], ends: &[] }
     }
 
     #[test]
@@ -170,8 +245,26 @@ mod tests {
     #[test]
     fn recursion_and_unknown_targets_are_errors() {
         let p = program(&[(0, 8, &[10]), (10, 8, &[0]), (20, 8, &[99])]);
-        assert!(p.depth_of("f0").unwrap_err().to_string().contains("calls itself"));
-        assert!(p.depth_of("f20").unwrap_err().to_string().contains("no known function"));
+        assert!(p.depth_of("f0").unwrap_err().root_cause().to_string().contains("calls itself"));
+        assert!(p.depth_of("f20").unwrap_err().root_cause().to_string().contains("no known function"));
+    }
+
+    #[test]
+    fn calls_through_registers_need_a_rule_that_leads_somewhere() {
+        let mut p = program(&[(0, 8, &[]), (10, 100, &[]), (20, 50, &[])]);
+        p.functions.get_mut(&0).unwrap().indirect = true;
+        assert!(p.depth_of("f0").unwrap_err().root_cause().to_string().contains("through a register"));
+        p.rules = &[Rule { of: &["f0"], reach: &[Reach::Named("f1"), Reach::Named("f2")] }];
+        assert_eq!(p.depth_of("f0").unwrap(), 108);
+        p.ends = &["f10"];
+        assert_eq!(p.depth_of("f0").unwrap(), 58);
+        p.rules = &[Rule { of: &["f0"], reach: &[Reach::Calling("f", "f20")] }];
+        assert!(p.depth_of("f0").is_err(), "no function calls f20");
+        p.functions.get_mut(&10).unwrap().calls.insert(20);
+        p.ends = &[];
+        assert_eq!(p.depth_of("f0").unwrap(), 158);
+        p.rules = &[Rule { of: &["f0"], reach: &[Reach::Named("gone")] }];
+        assert!(p.depth_of("f0").unwrap_err().root_cause().to_string().contains("gone"));
     }
 
     #[test]

@@ -4,12 +4,12 @@
 //! hold is lost there. Frames that carry a step of a calibration update are not obeyed yet.
 
 use kou_estimator::reading::Channel;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Fault, Reason, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
 
 use super::{NoEstimate, Publish};
 use crate::faults::{Code, FaultMemory, Snapshot};
-use crate::j1939::{CalibrationSource, CalibrationState, Frame, Node, Outputs};
+use crate::j1939::{CalibrationSource, CalibrationState, DriveReadings, Frame, Node, Outputs};
 
 /// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
 const MAX_IN: usize = 32;
@@ -36,6 +36,7 @@ pub struct Bus<P> {
     failed: [Option<Fault>; Channel::ALL.len()],
     started: Option<Micros>,
     dropped: u32,
+    drive: Option<DriveReadings>,
 }
 
 impl<P: CanPort> Bus<P> {
@@ -48,7 +49,15 @@ impl<P: CanPort> Bus<P> {
             failed: [None; Channel::ALL.len()],
             started: None,
             dropped: 0,
+            drive: None,
         }
+    }
+
+    /// The same, with the oil temperature that the controller at `source` sends (SPN 177) as a check of the own thermometer.
+    /// Nobody else is listened to: a reading that anybody may send would be a way to silence the estimates.
+    #[must_use]
+    pub fn hearing_oil_from(self, source: u8) -> Self {
+        Self { drive: Some(DriveReadings::new(Some(source))), ..self }
     }
 
     /// Troubles since the start.
@@ -130,6 +139,9 @@ impl<P: CanPort> Publish for Bus<P> {
         for _ in 0..MAX_IN {
             let Some(frame) = self.port.receive() else { break };
             self.node.receive(now, &frame);
+            if let Some(drive) = &mut self.drive {
+                drive.receive(now, &frame);
+            }
         }
         self.remember(now, sample);
         // Without any estimate there is none that is valid: told as of readings that have not come.
@@ -150,5 +162,9 @@ impl<P: CanPort> Publish for Bus<P> {
                 self.dropped = self.dropped.saturating_add(1);
             }
         }
+    }
+
+    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
+        self.drive.as_ref().map_or(Reading::not_fitted(), |drive| drive.oil_temperature(now))
     }
 }

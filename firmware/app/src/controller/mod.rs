@@ -35,6 +35,7 @@ mod store;
 mod supervise;
 #[cfg(test)]
 mod tests;
+mod trust;
 mod vital;
 
 pub use bus::{Bus, CanPort};
@@ -52,8 +53,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Duration;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Params, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Params, Reading, Sample};
 use serde::{Deserialize, Serialize};
 
 /// Period of [`run_sample`].
@@ -86,6 +87,7 @@ pub struct Controller<M: RawMutex> {
     sample: Mutex<M, Cell<Option<Sample>>>,
     estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
     told_at: Mutex<M, Cell<Micros>>,
+    oil_heard: Mutex<M, Cell<Reading<Celsius>>>,
     /// Checked parameters on their way into use: the next turn of [`run_estimate`] takes them, and starts its state anew.
     pub candidate: Channel<M, Params, 1>,
     /// How every task is doing.
@@ -100,6 +102,7 @@ impl<M: RawMutex> Controller<M> {
             sample: Mutex::new(Cell::new(None)),
             estimate: Mutex::new(Cell::new(None)),
             told_at: Mutex::new(Cell::new(Micros(0))),
+            oil_heard: Mutex::new(Cell::new(Reading::not_fitted())),
             candidate: Channel::new(),
             vitals: Vitals::new(),
         }
@@ -118,6 +121,14 @@ impl<M: RawMutex> Controller<M> {
         let latest = self.estimate.lock(Cell::get).unwrap_or(Err(NoEstimate::Starting));
         let age_us = now.0.saturating_sub(self.told_at.lock(Cell::get).0);
         if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
+    }
+
+    fn oil_heard(&self) -> Reading<Celsius> {
+        self.oil_heard.lock(Cell::get)
+    }
+
+    fn set_oil_heard(&self, reading: Reading<Celsius>) {
+        self.oil_heard.lock(|cell| cell.set(reading));
     }
 
     fn set_sample(&self, sample: Sample) {

@@ -61,6 +61,8 @@ pub struct Note {
 }
 
 /// Leaves a note. Longer texts are cut at a whole character.
+// Not inlined: formatting has no bound of stack that can be proven, and what comes after a note is a reset.
+#[inline(never)]
 pub fn write(memory: &mut [u8; LEN], kind: Kind, text: impl fmt::Display) {
     memory.fill(0);
     let (head, body) = memory.split_at_mut(HEAD);

@@ -2,8 +2,8 @@
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Reading, Sample};
 
 use super::{Controller, NoEstimate, PUBLISH_PERIOD, Pace, now};
 
@@ -18,6 +18,11 @@ pub trait Publish {
         estimate: &Result<Estimate, NoEstimate>,
         sample: Option<&Sample>,
     );
+
+    /// Another thermometer's reading of the oil, as whoever is told has heard of it; not fitted where nobody tells.
+    fn oil_heard(&self, _now: Micros) -> Reading<Celsius> {
+        Reading::not_fitted()
+    }
 }
 
 /// Publishes for ever.
@@ -32,5 +37,6 @@ pub async fn run_publish<M: RawMutex>(
         let now = now();
         let estimate = controller.output(now);
         to.publish(now, &estimate, controller.sample().as_ref()).await;
+        controller.set_oil_heard(to.oil_heard(now));
     }
 }

@@ -71,7 +71,7 @@ pub async fn run_sample<M: RawMutex>(
         state.observe(params, now(), &inputs);
         turn = turn.wrapping_add(1);
         if turn.is_multiple_of(TURNS) {
-            let sample = state.sample(params);
+            let sample = state.sample(params, &controller.oil_heard());
             controller.set_sample(sample);
             let faults = sample.pump_speed.value.is_err()
                 || sample.motor_speed.value.is_err()

@@ -9,7 +9,7 @@ use kou_estimator::units::Micros;
 
 use super::catalogue::{
     ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
-    LEAKAGE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
+    LEAKAGE, LEAKAGE_SE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
 };
 use super::diagnostics::{self, List};
 use super::publish::{self, CalibrationState};
@@ -53,7 +53,7 @@ pub enum Received {
 }
 
 /// Periodic messages, in the order in which they leave.
-const PERIODIC: [&Message; 5] = [&LEAKAGE, &EFFICIENCY, &VALIDITY, &HEALTH, &STATUS];
+const PERIODIC: [&Message; 6] = [&LEAKAGE, &LEAKAGE_SE, &EFFICIENCY, &VALIDITY, &HEALTH, &STATUS];
 
 /// The controller on the bus.
 #[derive(Debug, Clone)]
@@ -223,6 +223,8 @@ impl Node {
             *due = if in_step > now { in_step } else { later(now, message) };
             let data = if message.pgn == LEAKAGE.pgn {
                 publish::leakage(outputs.estimate)
+            } else if message.pgn == LEAKAGE_SE.pgn {
+                publish::leakage_se(outputs.estimate)
             } else if message.pgn == EFFICIENCY.pgn {
                 publish::efficiency(outputs.estimate)
             } else if message.pgn == VALIDITY.pgn {

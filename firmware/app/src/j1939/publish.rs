@@ -47,6 +47,7 @@ pub const fn reason_code(reason: Reason) -> u32 {
         Reason::RatioNotPositive => 8,
         Reason::RatioAboveLeakFree => 9,
         Reason::KouImplausible => 10,
+        Reason::SensorSuspected => 11,
         Reason::OutsideRegion(direction) => 16 + direction_code(direction),
     }
 }
@@ -125,8 +126,15 @@ fn put<T>(data: &mut [u8; 8], signal: &Signal, part: &Result<T, Reason>, number:
 pub fn leakage(estimate: &Estimate) -> [u8; 8] {
     let mut data = BLANK;
     put(&mut data, &c::KOU_EXPECTED, &estimate.expected, |e: &Expected| e.kou.get());
-    put(&mut data, &c::KOU_EXPECTED_SE, &estimate.expected, |e: &Expected| e.kou_se.get());
     put(&mut data, &c::KOU_SEEN, &estimate.seen, |s: &Seen| s.kou.get());
+    data
+}
+
+/// Message [`c::LEAKAGE_SE`].
+#[must_use]
+pub fn leakage_se(estimate: &Estimate) -> [u8; 8] {
+    let mut data = BLANK;
+    put(&mut data, &c::KOU_EXPECTED_SE, &estimate.expected, |e: &Expected| e.kou_se.get());
     put(&mut data, &c::KOU_SEEN_SE, &estimate.seen, |s: &Seen| s.kou_se.get());
     data
 }

@@ -68,7 +68,7 @@ fn periodic_messages_keep_their_periods() {
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);
     let frames = sent(&mut node, 1000, 6000, &outputs);
-    for message in [&c::LEAKAGE, &c::EFFICIENCY, &c::VALIDITY, &c::STATUS] {
+    for message in [&c::LEAKAGE, &c::LEAKAGE_SE, &c::EFFICIENCY, &c::VALIDITY, &c::STATUS] {
         let times = times_of(&frames, message.pgn);
         assert_eq!(times.len() as u64, 5000 / u64::from(message.period_ms), "{}", message.name);
         let steady = times.windows(2).all(|w| w[1] - w[0] == u64::from(message.period_ms));
@@ -99,9 +99,13 @@ fn what_is_not_valid_is_not_available_and_its_reason_is_told() {
         ("sensor", "motor speed", "stuck")
     );
     assert_eq!(c::WEAR_RATIO.value(&validity), Err(Absent::NotAvailable));
-    // A number that the signal cannot hold is an error, not the largest it can.
+    // The largest coefficient that a calibration may allow, to a step or f32's rounding; a number that the signal cannot hold
+    // is an error, not the largest it can.
     let mut large = estimate;
-    large.expected.as_mut().unwrap().kou = LeakageCoefficient(2.0);
+    large.expected.as_mut().unwrap().kou = LeakageCoefficient(100.0);
+    let told = c::KOU_EXPECTED.value(&publish::leakage(&large)).unwrap();
+    assert!((told - 100.0).abs() <= 1e-5, "{told}");
+    large.expected.as_mut().unwrap().kou = LeakageCoefficient(5000.0);
     assert_eq!(c::KOU_EXPECTED.value(&publish::leakage(&large)), Err(Absent::Error));
 }
 

@@ -6,6 +6,9 @@
 //! failure becomes the reading's reason once it is confirmed; until then the reading keeps the last accepted value with
 //! its own, older time stamp, so that nothing is invented and the estimator's age limit still holds.
 //!
+//! A channel may have a memory of its last good value ([`AnalogConfig::return_rate_per_s`]): then a signal that comes back from a failure
+//! elsewhere than the quantity can have moved to in the meantime is not taken for good because it stands still there.
+//!
 //! An offset or a slow drift inside the range cannot be seen by one channel alone: see
 //! [`plausibility`](super::plausibility).
 
@@ -32,6 +35,9 @@ pub struct AnalogConfig<U> {
     pub highest: U,
     /// Fastest change that the machine can make, per second; above 0.
     pub max_rate_per_s: f32,
+    /// Fastest change, per second, by which the quantity itself can have moved while the signal was bad; above 0. A signal
+    /// that returns further away stays a fault of rate until that long has passed. `None` takes it wherever it returns.
+    pub return_rate_per_s: Option<f32>,
     /// Noise of a single conversion: changes below it are never too fast; 0 or more.
     pub noise_band: f32,
     /// Time for which the conversions may be the same to the last bit while the machine works, in ms; `None` does not
@@ -65,6 +71,9 @@ impl<U: Quantity> AnalogParams<U> {
         consistent("highest", config.highest.bare() > config.lowest.bare(), "it must lie above lowest")?;
         number("max_rate_per_s", config.max_rate_per_s, 1e-3, 1e6)?;
         number("noise_band", config.noise_band, 0.0, 1e4)?;
+        if let Some(rate) = config.return_rate_per_s {
+            number("return_rate_per_s", rate, 1e-3, 1e6)?;
+        }
         if let Some(ms) = config.stuck_ms {
             whole("stuck_ms", ms, 10, 3_600_000)?;
         }
@@ -83,6 +92,8 @@ pub struct AnalogState {
     debounce: DebounceState,
     /// Last accepted value before the filter, and when.
     accepted: Option<(Micros, f32)>,
+    /// Last reading before a fault was confirmed, and when.
+    trusted: Option<(Micros, f32)>,
     filtered: f32,
     last: Option<Counts>,
     same: u32,
@@ -96,6 +107,7 @@ impl AnalogState {
         Self {
             debounce: DebounceState::new(),
             accepted: None,
+            trusted: None,
             filtered: 0.0,
             last: None,
             same: 0,
@@ -119,12 +131,15 @@ impl AnalogState {
                 None => value,
             };
             self.accepted = Some((now, value));
+            if self.debounce.fault().is_none() {
+                self.trusted = Some((now, self.filtered));
+            }
         }
         let confirmed = self.debounce.judge(&params.debounce, judged.map(|_| ()));
         let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
         if confirmed || leaps {
             // What comes after a confirmed fault is a new beginning, wherever it stands; and as long as the signal leaps, so
-            // is each value, or a last wild one would be the measure of the good ones after it.
+            // is each value, or a last wild one would be the measure of the good ones after it. Only `trusted` remembers.
             self.accepted = None;
         }
     }
@@ -155,17 +170,24 @@ impl AnalogState {
             return Err(Fault::OutOfRange);
         }
         if let Some((then, before)) = self.accepted {
-            let elapsed_s = now.0.saturating_sub(then.0) as f32 * 1e-6;
-            let reach = config.noise_band + config.max_rate_per_s * elapsed_s;
-            if (value - before).abs() > reach {
+            if (value - before).abs() > reach(config.noise_band, config.max_rate_per_s, then, now) {
                 return Err(Fault::Rate);
             }
+        } else if let (Some((then, before)), Some(rate)) = (self.trusted, config.return_rate_per_s)
+            && (value - before).abs() > reach(config.noise_band, rate, then, now)
+        {
+            return Err(Fault::Rate);
         }
         if self.same >= params.stuck_after {
             return Err(Fault::Stuck);
         }
         Ok(value)
     }
+}
+
+/// How far a value may be from the one before.
+fn reach(noise_band: f32, rate_per_s: f32, then: Micros, now: Micros) -> f32 {
+    noise_band + rate_per_s * (now.0.saturating_sub(then.0) as f32 * 1e-6)
 }
 
 impl Default for AnalogState {

@@ -4,14 +4,21 @@
 //! |---|---|---|
 //! | the low line is at charge pressure | the pump turns | the low line's sensor |
 //! | both lines are at charge pressure | the pump turns, displacement about zero | each sensor outside |
+//! | both lines read the same | the pump turns, the motor rests, displacement about zero | both sensors, or the one outside charge pressure |
+//! | the displacement is zero | the pump turns, the motor rests, both lines read the same charge pressure | displacement |
 //! | the motor turns | pump turns, displacement large, high line below its relief setting | motor pickup |
 //! | the pump turns | the motor turns | pump pickup |
 //! | the motor is not faster than pump and displacement allow | the pump turns | motor pickup |
 //!
-//! Each rule has a debounce of its own and, once confirmed, makes the reading `Implausible`. Limits: an offset of the high
-//! line's sensor shows only while its line is low or the drive idles; an offset of the thermometer not at all.
+//! Each rule has a debounce of its own and, once confirmed, makes the reading `Implausible` until the rule has been found to
+//! hold again. Neutral is where a drive is redundant: with the pump turning and the motor at rest, oil that does not go
+//! through the motor could only leak, so equal pressures mean zero displacement (0.002 feeds the leakage at charge pressure), and
+//! zero displacement equal pressures. One failure at a time is assumed: with two, neither rule applies.
+//!
+//! Limits: an offset of the high line's sensor shows only while its line is low or in neutral; one of the displacement only in
+//! neutral; one of the thermometer only against another thermometer ([`PlausibilityState::compare_oil`]).
 
-use kou_estimator::units::{Megapascal, Ratio, RevPerMin};
+use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use kou_estimator::{Fault, Reading};
 
 use super::config::{ConfigError, consistent, number};
@@ -27,6 +34,13 @@ pub struct PlausibilityConfig {
     pub charge_lowest: Megapascal,
     /// Highest charge pressure, up to 10 MPa.
     pub charge_highest: Megapascal,
+    /// Largest difference between the lines' sensors in neutral: their permissible errors together, and below what it
+    /// takes to turn the motor; 0.02 to 5 MPa.
+    pub neutral_difference: Megapascal,
+    /// Largest displacement that the sensor may show in neutral, 0.002 to 0.2.
+    pub zero_displacement: Ratio,
+    /// Largest difference between two thermometers of the oil, 1 to 50 K.
+    pub oil_difference: Celsius,
     /// Displacement below which the drive idles, 0 to 0.2.
     pub idle_displacement: Ratio,
     /// Displacement from which the motor must turn, 0.1 to 1.
@@ -60,6 +74,9 @@ impl PlausibilityParams {
             config.charge_highest > config.charge_lowest,
             "it must lie above charge_lowest",
         )?;
+        number("neutral_difference", config.neutral_difference.get(), 0.02, 5.0)?;
+        number("zero_displacement", config.zero_displacement.get(), 0.002, 0.2)?;
+        number("oil_difference", config.oil_difference.get(), 1.0, 50.0)?;
         number("idle_displacement", config.idle_displacement.get(), 0.0, 0.2)?;
         number("driving_displacement", config.driving_displacement.get(), 0.1, 1.0)?;
         number("stall_pressure", config.stall_pressure.get(), 1.0, 100.0)?;
@@ -85,8 +102,12 @@ impl PlausibilityParams {
 pub struct PlausibilityState {
     line_a: DebounceState,
     line_b: DebounceState,
+    same_a: DebounceState,
+    same_b: DebounceState,
     pump: DebounceState,
     motor: DebounceState,
+    displacement: DebounceState,
+    oil: DebounceState,
 }
 
 /// The readings that the rules compare; whatever breaks one is made `Implausible` in place.
@@ -101,7 +122,7 @@ pub struct Readings<'a> {
     /// Pressure of line B, where it is measured.
     pub line_b: Option<&'a mut Reading<Megapascal>>,
     /// Displacement; not fitted means full.
-    pub displacement: &'a Reading<Ratio>,
+    pub displacement: &'a mut Reading<Ratio>,
 }
 
 impl PlausibilityState {
@@ -111,8 +132,12 @@ impl PlausibilityState {
         Self {
             line_a: DebounceState::new(),
             line_b: DebounceState::new(),
+            same_a: DebounceState::new(),
+            same_b: DebounceState::new(),
             pump: DebounceState::new(),
             motor: DebounceState::new(),
+            displacement: DebounceState::new(),
+            oil: DebounceState::new(),
         }
     }
 
@@ -127,7 +152,9 @@ impl PlausibilityState {
         let works = params.works_at(pump);
         let (a, b) = (line_a.value.ok(), line_b.as_ref().and_then(|line| line.value.ok()));
 
-        let (pump_fits, motor_fits) = params.speeds(pump, motor, a, b, alpha);
+        let rests = works && motor.value.is_ok_and(|n| n.get() == 0.0);
+        let neutral = if rests { params.neutral(a, b, alpha) } else { Neutral::default() };
+        let (pump_fits, motor_fits) = params.speeds(pump, motor, a, b, alpha, neutral.displacement.is_some());
         let idle = alpha.is_some_and(|alpha| alpha <= params.config.idle_displacement.get());
         let (a_fits, b_fits) = if works { params.lines(a, b, idle) } else { (None, None) };
 
@@ -135,13 +162,45 @@ impl PlausibilityState {
         settle(&mut self.pump, params, pump_fits, pump);
         settle(&mut self.motor, params, motor_fits, motor);
         settle(&mut self.line_a, params, a_fits, line_a);
+        settle(&mut self.same_a, params, neutral.line_a, line_a);
         if let Some(line_b) = line_b {
             settle(&mut self.line_b, params, b_fits, line_b);
+            settle(&mut self.same_b, params, neutral.line_b, line_b);
         }
+        settle(&mut self.displacement, params, neutral.displacement, displacement);
+    }
+
+    /// Compares the oil's thermometer with another one's reading, where there is one. Which of the two is wrong nobody can
+    /// tell, so the drive's own counts as implausible.
+    pub fn compare_oil(
+        &mut self,
+        params: &PlausibilityParams,
+        oil: &mut Reading<Celsius>,
+        other: &Reading<Celsius>,
+    ) {
+        let fits = match (oil.value, other.value) {
+            (Ok(own), Ok(other)) => {
+                Some((own.get() - other.get()).abs() <= params.config.oil_difference.get())
+            }
+            _ => None,
+        };
+        settle(&mut self.oil, params, fits, oil);
     }
 }
 
+/// What neutral says of each sensor; `None` where it says nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Neutral {
+    line_a: Option<bool>,
+    line_b: Option<bool>,
+    displacement: Option<bool>,
+}
+
 impl PlausibilityParams {
+    fn at_charge(&self, p: Megapascal) -> bool {
+        p >= self.config.charge_lowest && p <= self.config.charge_highest
+    }
+
     /// Whether each line's pressure fits; `None` where nothing can be said.
     fn lines(
         &self,
@@ -149,12 +208,25 @@ impl PlausibilityParams {
         b: Option<Megapascal>,
         idle: bool,
     ) -> (Option<bool>, Option<bool>) {
-        let at_charge = |p: Megapascal| p >= self.config.charge_lowest && p <= self.config.charge_highest;
         match (a, b) {
-            (Some(a), b) if idle => (Some(at_charge(a)), b.map(at_charge)),
-            (Some(a), Some(b)) if a < b => (Some(at_charge(a)), None),
-            (Some(_), Some(b)) => (None, Some(at_charge(b))),
+            (Some(a), b) if idle => (Some(self.at_charge(a)), b.map(|b| self.at_charge(b))),
+            (Some(a), Some(b)) if a < b => (Some(self.at_charge(a)), None),
+            (Some(_), Some(b)) => (None, Some(self.at_charge(b))),
             _ => (None, None),
+        }
+    }
+
+    /// What the sensors say of each other while the pump turns and the motor rests.
+    fn neutral(&self, a: Option<Megapascal>, b: Option<Megapascal>, alpha: Option<f32>) -> Neutral {
+        let (Some(a), Some(b), Some(alpha)) = (a, b, alpha) else { return Neutral::default() };
+        let same = (a.get() - b.get()).abs() <= self.config.neutral_difference.get();
+        let idle = alpha <= self.config.idle_displacement.get();
+        let (a_at, b_at) = (self.at_charge(a), self.at_charge(b));
+        Neutral {
+            // Of two that differ the one outside charge pressure is wrong; of two inside nobody can tell which.
+            line_a: idle.then_some(same || (a_at && !b_at)),
+            line_b: idle.then_some(same || (b_at && !a_at)),
+            displacement: (same && a_at && b_at).then_some(alpha <= self.config.zero_displacement.get()),
         }
     }
 
@@ -166,6 +238,7 @@ impl PlausibilityParams {
         a: Option<Megapascal>,
         b: Option<Megapascal>,
         alpha: Option<f32>,
+        is_neutral: bool,
     ) -> (Option<bool>, Option<bool>) {
         let config = &self.config;
         let (Ok(n_p), Ok(n_m)) = (pump.value, motor.value) else { return (None, None) };
@@ -185,7 +258,8 @@ impl PlausibilityParams {
             (Some(a), Some(b)) => Some(if a > b { a } else { b }),
             (one, other) => one.or(other),
         };
-        let may_stand = alpha < config.driving_displacement.get()
+        let may_stand = is_neutral
+            || alpha < config.driving_displacement.get()
             || high.is_none_or(|high| high >= config.stall_pressure);
         (Some(true), if may_stand && n_m.get() == 0.0 { None } else { Some(n_m.get() > 0.0) })
     }

@@ -162,14 +162,14 @@ impl SensorsState {
     }
 
     /// The readings as they stand, compared with each other, as a sample for the estimator. Call it at a fixed rate: the
-    /// comparisons' debounce counts calls.
-    pub fn sample(&mut self, params: &SensorsParams) -> Sample {
+    /// comparisons' debounce counts calls. `other_oil` is another thermometer's reading of the oil, or a reason why there is none.
+    pub fn sample(&mut self, params: &SensorsParams, other_oil: &Reading<Celsius>) -> Sample {
         let mut sample = Sample::empty(self.now);
         let mut pump = self.pump.reading(&params.pump);
         let mut motor = self.motor.reading(&params.motor);
         let mut line_a = self.line_a.reading();
         let mut line_b = params.line_b.is_some().then(|| self.line_b.reading());
-        let displacement: Reading<Ratio> = match params.displacement {
+        let mut displacement: Reading<Ratio> = match params.displacement {
             Some(_) => self.displacement.reading(),
             None => Reading::not_fitted(),
         };
@@ -181,7 +181,7 @@ impl SensorsState {
             motor: &mut motor,
             line_a: &mut line_a,
             line_b: line_b.as_mut(),
-            displacement: &displacement,
+            displacement: &mut displacement,
         };
         self.plausibility.judge(&params.plausibility, readings);
 
@@ -197,6 +197,7 @@ impl SensorsState {
             High::B => (line_b, line_a),
         };
         sample.oil_temperature = self.oil.reading();
+        self.plausibility.compare_oil(&params.plausibility, &mut sample.oil_temperature, other_oil);
         // The swash has stops at full displacement: what the sensor shows beyond is its own error, and within its range.
         sample.displacement = Reading {
             value: displacement.value.map(|alpha| Ratio(alpha.get().clamp(-1.0, 1.0))),

@@ -43,19 +43,22 @@ const LINE: AnalogConfig<Megapascal> = AnalogConfig {
     lowest: Megapascal(-0.5),
     highest: Megapascal(60.0),
     max_rate_per_s: 2000.0,
+    return_rate_per_s: None,
     noise_band: 3.0,
     stuck_ms: Some(1000),
     debounce: ANALOG_DEBOUNCE,
 };
 
-/// Oil warms by some kelvin a minute; cold oil reaching the sensor may be faster.
+/// Oil warms by some kelvin a minute; cold oil reaching the sensor may be faster, but the tank as a whole changes by half a
+/// kelvin a second at most: 20 kW into 20 L. One count is 0.34 K, the noise of a conversion half of that.
 const OIL: AnalogConfig<Celsius> = AnalogConfig {
     period_us: SAMPLE_PERIOD_US,
     filter_s: 1.0,
     lowest: Celsius(-40.0),
     highest: Celsius(150.0),
-    max_rate_per_s: 10.0,
-    noise_band: 3.0,
+    max_rate_per_s: 5.0,
+    return_rate_per_s: Some(0.5),
+    noise_band: 2.0,
     stuck_ms: Some(60_000),
     debounce: ANALOG_DEBOUNCE,
 };
@@ -67,6 +70,7 @@ const SWASH: AnalogConfig<Ratio> = AnalogConfig {
     lowest: Ratio(-1.05),
     highest: Ratio(1.05),
     max_rate_per_s: 25.0,
+    return_rate_per_s: None,
     noise_band: 0.05,
     stuck_ms: Some(5000),
     debounce: ANALOG_DEBOUNCE,
@@ -98,8 +102,16 @@ pub const REFERENCE: SensorsConfig = SensorsConfig {
     motor: PICKUP,
     plausibility: PlausibilityConfig {
         working_speed: RevPerMin(400.0),
-        charge_lowest: Megapascal(0.5),
-        charge_highest: Megapascal(4.5),
+        // The flushing valve holds the low line at 1.5 MPa, the charge relief valve both lines at 2.4 MPa in neutral; cold oil
+        // raises both, a burst of flow lowers the first.
+        charge_lowest: Megapascal(0.8),
+        charge_highest: Megapascal(3.5),
+        // Half a per cent of 60 MPa twice, and noise.
+        neutral_difference: Megapascal(0.4),
+        // Leakage at charge pressure needs 0.002; zero of the sensor's adjustment 0.5 % of its span.
+        zero_displacement: Ratio(0.01),
+        // A vehicle's thermometers sit in different places.
+        oil_difference: Celsius(10.0),
         idle_displacement: Ratio(0.03),
         driving_displacement: Ratio(0.2),
         stall_pressure: Megapascal(45.0),

@@ -37,8 +37,8 @@ use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_estimator::calibration::record::crc32;
-use kou_estimator::units::Micros;
-use kou_estimator::{Estimate, Sample};
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Reading, Sample};
 
 use crate::keeper::Keeper;
 use crate::pickups::Pickups;
@@ -130,6 +130,10 @@ impl Publish for Told {
             self.was_valid = Some(valid);
             defmt::info!("estimates valid: {=bool}; {}", valid, estimate);
         }
+    }
+
+    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
+        self.bus.oil_heard(now)
     }
 }
 

@@ -156,7 +156,10 @@ impl Parts {
         time_s: f64,
         truth: &Truth,
     ) -> Few<u32, MAX_EDGES> {
-        let failure = self.failure(sensor, time_s).map(|failure| (failure.kind, failure.size));
+        let failure = self.failure(sensor, time_s).map(|failure| match failure.kind {
+            Kind::Drift => (Kind::Drift, failure.size * (time_s - failure.from_s)),
+            kind => (kind, failure.size),
+        });
         let mut times: Vec<f64> = Vec::new();
         for pair in truth.turns.windows(2) {
             let [from, to] = pair else { continue };

@@ -73,7 +73,7 @@ pub enum Kind {
     Stuck,
     /// `size` is added, in the sensor's unit; of a pickup, the share of teeth lost.
     Offset,
-    /// `size` per second is added.
+    /// `size` per second is added; of a pickup, to the share of teeth lost.
     Drift,
     /// Normally distributed noise of standard deviation `size`; of a pickup, glitches per millisecond.
     Noise,
@@ -118,7 +118,8 @@ pub struct Expect {
     pub from_s: f64,
     /// Until then, s.
     pub until_s: f64,
-    /// `valid`: every output has a valid coefficient that is within `within_se` of its stated standard errors of the truth.
+    /// `valid`: every output has a valid coefficient that is within `within_se` of its stated standard errors of the truth, and
+    /// so has what the law expects there, of the truth without wear.
     /// Else the name of the reason that every output must carry, as reports print it: `p_h open`, `n_m implausible`, or
     /// of the operating point: `not_loaded`. Several, with `|` between them, are allowed in turn.
     pub state: String,
@@ -128,7 +129,13 @@ pub struct Expect {
     /// Stated standard errors that the coefficient may be off.
     #[serde(default = "three")]
     pub within_se: f64,
-    /// Share of the outputs that may miss `within_se`: a standard error of 3 leaves 0.3 % of normally distributed ones.
+    /// Of `valid`: percent of the truth that the coefficient of an output may be off; nothing for no such bound.
+    #[serde(default)]
+    pub within_pct: Option<f64>,
+    /// Of `valid`: percent of the truth that the mean of the coefficient may be off.
+    #[serde(default)]
+    pub mean_within_pct: Option<f64>,
+    /// Share of the outputs that may miss `within_se` or `within_pct`: three standard errors leave 0.3 % of normally distributed ones.
     #[serde(default = "few")]
     pub may_miss: f64,
 }

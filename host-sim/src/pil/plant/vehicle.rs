@@ -48,6 +48,8 @@ pub struct Truth {
     pub t_b_c: f64,
     /// Leakage coefficient of each chamber, (L/min)/MPa.
     pub kou: f64,
+    /// The same without the scenario's wear: what the law should expect.
+    pub kou_unworn: f64,
     /// Shaft angles during the millisecond: time within it in s, pump and motor in turns.
     pub turns: Vec<[f64; 3]>,
 }
@@ -158,6 +160,7 @@ impl Full {
             alpha: self.state.alpha,
             t_b_c: command.t_b_c,
             kou: self.kou,
+            kou_unworn: self.kou / command.wear,
             turns,
         })
     }
@@ -224,6 +227,7 @@ impl Surrogate {
             alpha: command.alpha,
             t_b_c: command.t_b_c,
             kou,
+            kou_unworn: kou / command.wear,
             turns: vec![before, [1e-3, self.pump_turns, self.motor_turns]],
         }
     }

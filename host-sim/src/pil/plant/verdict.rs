@@ -31,6 +31,12 @@ pub struct Finding {
     pub rms_se: Option<f64>,
     /// Of `valid`: mean error of the coefficient, percent of the truth.
     pub mean_error_pct: Option<f64>,
+    /// Of `valid`: largest error of the coefficient, percent of the truth.
+    pub worst_error_pct: Option<f64>,
+    /// Of `valid`: largest error of the law's coefficient over its stated standard error.
+    pub expected_worst_se: Option<f64>,
+    /// Of `valid`: largest stated standard error of the coefficient, percent of the truth.
+    pub largest_se_pct: Option<f64>,
     /// Of `valid`: outputs beyond the permitted number of standard errors.
     pub beyond: u64,
     /// Whether it was met.
@@ -46,6 +52,9 @@ struct Tally {
     worst_se: f64,
     sum_se2: f64,
     sum_relative: f64,
+    worst_relative: f64,
+    expected_worst_se: f64,
+    largest_se: f64,
     beyond: u64,
     compared: u64,
 }
@@ -119,14 +128,23 @@ impl Verdict {
                     None => tally.instead.push((name.clone(), 1)),
                 }
             }
-            if let (true, Some(seen)) = (name == "valid", seen) {
+            if let (true, Some(seen), Ok(estimate)) = (name == "valid", seen, output) {
                 let error = f64::from(seen.kou.get()) - truth.kou;
                 let in_se = (error / f64::from(seen.kou_se.get())).abs();
                 tally.compared += 1;
                 tally.worst_se = tally.worst_se.max(in_se);
                 tally.sum_se2 += in_se * in_se;
-                tally.sum_relative += error / truth.kou;
-                tally.beyond += u64::from(in_se > expect.within_se);
+                let relative = error / truth.kou;
+                tally.sum_relative += relative;
+                tally.worst_relative = tally.worst_relative.max(relative.abs());
+                tally.largest_se = tally.largest_se.max(f64::from(seen.kou_se.get()) / truth.kou);
+                // Outside the law's region nothing is expected, which is no error.
+                let of_law = estimate.expected.map_or(0.0, |law| {
+                    ((f64::from(law.kou.get()) - truth.kou_unworn) / f64::from(law.kou_se.get())).abs()
+                });
+                tally.expected_worst_se = tally.expected_worst_se.max(of_law);
+                let off = expect.within_pct.is_some_and(|pct| 100.0 * relative.abs() > pct);
+                tally.beyond += u64::from(in_se.max(of_law) > expect.within_se || off);
             }
         }
     }
@@ -160,6 +178,8 @@ impl Verdict {
 fn finding(expect: &Expect, tally: &Tally) -> Finding {
     let compared = tally.compared as f64;
     let of_valid = |value: f64| (tally.compared > 0).then_some(value);
+    let mean_pct = 100.0 * tally.sum_relative / compared;
+    let is_centred = expect.mean_within_pct.is_none_or(|pct| tally.compared > 0 && mean_pct.abs() <= pct);
     let few_beyond = tally.beyond as f64 <= expect.may_miss * compared;
     Finding {
         from_s: expect.from_s,
@@ -171,8 +191,11 @@ fn finding(expect: &Expect, tally: &Tally) -> Finding {
         came_after_s: tally.came_after_s,
         worst_se: of_valid(tally.worst_se),
         rms_se: of_valid((tally.sum_se2 / compared).sqrt()),
-        mean_error_pct: of_valid(100.0 * tally.sum_relative / compared),
+        mean_error_pct: of_valid(mean_pct),
+        worst_error_pct: of_valid(100.0 * tally.worst_relative),
+        expected_worst_se: of_valid(tally.expected_worst_se),
+        largest_se_pct: of_valid(100.0 * tally.largest_se),
         beyond: tally.beyond,
-        met: tally.outputs > 0 && tally.others == 0 && few_beyond,
+        met: tally.outputs > 0 && tally.others == 0 && few_beyond && is_centred,
     }
 }

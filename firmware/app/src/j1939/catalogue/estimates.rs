@@ -1,33 +1,20 @@
 //! Sent: estimates, their validity, learned health and the state of the controller (proprietary B).
 
-use super::{plain, state, word};
+use super::{double_word, plain, state, word};
 use crate::j1939::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
+/// A leakage coefficient: the largest that a calibration may allow, 100, is a fortieth of what it can hold.
+const fn kou(name: &'static str, byte: u8, comment: &'static str) -> Signal {
+    double_word(name, byte, 1e-6, 0.0, "L/min/MPa", comment)
+}
+
 /// Leakage coefficient by the law.
-pub const KOU_EXPECTED: Signal = word(
-    "KouExpected",
-    0,
-    2e-5,
-    0.0,
-    "L/min/MPa",
-    "Leakage coefficient of one chamber by the calibrated law",
-);
-/// Its standard error.
-pub const KOU_EXPECTED_SE: Signal =
-    word("KouExpectedSe", 2, 2e-5, 0.0, "L/min/MPa", "Standard error (1 sigma) of KouExpected");
+pub const KOU_EXPECTED: Signal =
+    kou("KouExpected", 0, "Leakage coefficient of one chamber by the calibrated law");
 /// Leakage coefficient by the measured ratio.
-pub const KOU_SEEN: Signal = word(
-    "KouSeen",
-    4,
-    2e-5,
-    0.0,
-    "L/min/MPa",
-    "Leakage coefficient of one chamber that explains the measured speed ratio",
-);
-/// Its standard error.
-pub const KOU_SEEN_SE: Signal =
-    word("KouSeenSe", 6, 2e-5, 0.0, "L/min/MPa", "Standard error (1 sigma) of KouSeen");
+pub const KOU_SEEN: Signal =
+    kou("KouSeen", 4, "Leakage coefficient of one chamber that explains the measured speed ratio");
 /// Leakage coefficients.
 pub const LEAKAGE: Message = Message {
     name: "KouLeakage",
@@ -36,8 +23,24 @@ pub const LEAKAGE: Message = Message {
     length: 8,
     period_ms: 100,
     sender: Sender::Kou,
-    signals: &[KOU_EXPECTED, KOU_EXPECTED_SE, KOU_SEEN, KOU_SEEN_SE],
+    signals: &[KOU_EXPECTED, KOU_SEEN],
     comment: "Leakage coefficients; where not available, KouValidity says why",
+};
+
+/// Standard error of [`KOU_EXPECTED`].
+pub const KOU_EXPECTED_SE: Signal = kou("KouExpectedSe", 0, "Standard error (1 sigma) of KouExpected");
+/// Standard error of [`KOU_SEEN`].
+pub const KOU_SEEN_SE: Signal = kou("KouSeenSe", 4, "Standard error (1 sigma) of KouSeen");
+/// Standard errors of the leakage coefficients.
+pub const LEAKAGE_SE: Message = Message {
+    name: "KouLeakageSe",
+    pgn: Pgn::new(0xFF45),
+    priority: 6,
+    length: 8,
+    period_ms: 100,
+    sender: Sender::Kou,
+    signals: &[KOU_EXPECTED_SE, KOU_SEEN_SE],
+    comment: "Standard errors of KouLeakage, wider while it is open whether machine or sensor has changed",
 };
 
 /// Volumetric efficiency by law and reduced model.
@@ -95,6 +98,7 @@ pub const REASONS: &[(u32, &str)] = &[
     (8, "ratio not positive"),
     (9, "ratio above leak free"),
     (10, "Kou implausible"),
+    (11, "sensor suspected"),
     (16, "outside region: speed"),
     (17, "outside region: pressure"),
     (18, "outside region: temperature"),

@@ -2,7 +2,7 @@
 //! (`kou.dbc`) are all made from these tables. `docs/can.md` explains them.
 //!
 //! Groups and parameters of the standard are those of SAE J1939-71 (shafts, pressure, temperature), -73 (diagnostics),
-//! -21 (transport, request) and -81 (address claim). The controller's own groups are proprietary B (0xFF40 to 0xFF44), and
+//! -21 (transport, request) and -81 (address claim). The controller's own groups are proprietary B (0xFF40 to 0xFF45), and
 //! proprietary A for the calibration update.
 
 mod drive;
@@ -56,6 +56,18 @@ const fn word(
     Signal { coding: Coding::Measured, scale, offset, unit, ..plain(name, 8 * byte, 16, comment) }
 }
 
+/// The same with 32 bits.
+const fn double_word(
+    name: &'static str,
+    byte: u8,
+    scale: f32,
+    offset: f32,
+    unit: &'static str,
+    comment: &'static str,
+) -> Signal {
+    Signal { length: 32, ..word(name, byte, scale, offset, unit, comment) }
+}
+
 const fn with_spn(signal: Signal, spn: u32) -> Signal {
     Signal { spn: Some(spn), ..signal }
 }
@@ -66,6 +78,7 @@ pub const ALL: &[Message] = &[
     HPG,
     TRF1,
     LEAKAGE,
+    LEAKAGE_SE,
     EFFICIENCY,
     VALIDITY,
     HEALTH,

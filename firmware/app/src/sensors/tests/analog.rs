@@ -24,6 +24,7 @@ const CONFIG: AnalogConfig<Megapascal> = AnalogConfig {
     lowest: Megapascal(-0.5),
     highest: Megapascal(33.0),
     max_rate_per_s: 500.0,
+    return_rate_per_s: None,
     noise_band: 1.0,
     stuck_ms: Some(300),
     debounce: DebounceConfig { confirm: 50, heal: 200 },
@@ -204,4 +205,24 @@ proptest! {
             prop_assert!(reading.time.0 <= now + 500);
         }
     }
+}
+
+#[test]
+fn a_leap_that_stays_is_a_fault_until_the_quantity_could_have_moved_there() {
+    let config = AnalogConfig { max_rate_per_s: 20.0, return_rate_per_s: Some(2.0), ..CONFIG };
+    let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap();
+    let mut bench = Bench { params, ..Bench::new() };
+    bench.run(500, 5.0);
+    // 9 MPa at 2 MPa/s, less a noise band of 1 MPa, take 4 s; then half that to heal, as ever.
+    bench.run(100, 14.0);
+    assert_eq!(bench.reading(), Err(Fault::Rate));
+    bench.run(3800, 14.0);
+    assert_eq!(bench.reading(), Err(Fault::Rate));
+    bench.run(400, 14.0);
+    assert!(bench.reading().is_ok());
+    // Back where it was is no leap to be waited for, after whatever else was wrong.
+    bench.run(100, 30.0);
+    assert_eq!(bench.reading(), Err(Fault::Rate));
+    bench.run(250, 14.0);
+    assert!(bench.reading().is_ok());
 }

@@ -1,7 +1,7 @@
 //! All sensors together: what they say of each other, and what becomes of a sample.
 
 use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
-use kou_estimator::{Fault, Sample};
+use kou_estimator::{Fault, Reading, Sample};
 
 use super::wheel::Wheel;
 use crate::sensors::adc::Counts;
@@ -28,6 +28,7 @@ struct Bench {
     motor: Wheel,
     ms: u64,
     before: Drive,
+    other_oil: Reading<Celsius>,
 }
 
 impl Bench {
@@ -39,6 +40,7 @@ impl Bench {
             motor: Wheel::new(60, 0, 0),
             ms: 0,
             before: CRUISE,
+            other_oil: Reading::not_fitted(),
         }
     }
 
@@ -65,7 +67,7 @@ impl Bench {
             self.before = drive;
             self.state.observe(&self.params, Micros(self.ms * 1000), &inputs);
             if self.ms.is_multiple_of(10) {
-                sample = self.state.sample(&self.params);
+                sample = self.state.sample(&self.params, &self.other_oil);
             }
         }
         sample
@@ -100,13 +102,20 @@ fn reversed_the_lines_swap_and_the_motor_has_the_sign_of_the_displacement() {
 #[test]
 fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
     type Blame = fn(&Sample) -> Option<Fault>;
-    let cases: [(&str, Drive, Blame); 5] = [
+    const NEUTRAL: Drive = Drive { alpha: 0.0, n_m: 0.0, p_a: 2.4, p_b: 2.4, ..CRUISE };
+    let cases: [(&str, Drive, Blame); 10] = [
         // The low line's sensor is 5 MPa too high.
         ("low line", Drive { p_b: 6.5, ..CRUISE }, |s| s.low_pressure.value.err()),
         // Idle, and line A says 10 MPa.
         ("idle", Drive { alpha: 0.0, p_a: 10.0, n_m: 0.0, ..CRUISE }, |s| s.high_pressure.value.err()),
         ("dead motor pickup", Drive { n_m: 0.0, ..CRUISE }, |s| s.motor_speed.value.err()),
         ("dead pump pickup", Drive { n_p: 0.0, ..CRUISE }, |s| s.pump_speed.value.err()),
+        // In neutral half a megapascal more or less than the other line, or a hundredth of displacement, is an offset.
+        ("neutral, A high", Drive { p_a: 2.95, ..NEUTRAL }, |s| s.high_pressure.value.err()),
+        ("neutral, A low", Drive { p_a: 1.85, ..NEUTRAL }, |s| s.low_pressure.value.err()),
+        ("neutral, B high", Drive { p_b: 2.95, ..NEUTRAL }, |s| s.high_pressure.value.err()),
+        ("neutral, swash", Drive { alpha: 0.013, ..NEUTRAL }, |s| s.displacement.value.err()),
+        ("neutral, swash far off", Drive { alpha: -0.5, ..NEUTRAL }, |s| s.displacement.value.err()),
         ("motor too fast", Drive { n_m: 1900.0, ..CRUISE }, |s| s.motor_speed.value.err()),
     ];
     for (what, wrong, blame) in cases {
@@ -123,12 +132,40 @@ fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
 }
 
 #[test]
+fn in_neutral_one_line_outside_charge_pressure_is_blamed_alone_and_stays_so_while_driving() {
+    let mut bench = Bench::new();
+    let neutral = Drive { alpha: 0.0, n_m: 0.0, p_a: 2.4, p_b: 2.4, ..CRUISE };
+    bench.run(2000, Drive { p_a: 4.4, ..neutral });
+    let sample = bench.run(3000, Drive { p_a: 27.0, ..CRUISE });
+    assert_eq!(sample.high_pressure.value, Err(Fault::Implausible));
+    assert!(sample.low_pressure.value.is_ok(), "{sample:?}");
+    bench.run(2000, neutral);
+    let sample = bench.run(2000, CRUISE);
+    assert!(sample.high_pressure.value.is_ok(), "{sample:?}");
+}
+
+#[test]
+fn a_thermometer_that_another_one_contradicts_is_implausible_until_both_agree() {
+    let mut bench = Bench::new();
+    for (other, ms, fault) in [(51.0, 2000, None), (49.0, 700, Some(Fault::Implausible)), (55.0, 1500, None)]
+    {
+        bench.other_oil = Reading::new(Micros(0), Celsius(other));
+        let sample = bench.run(ms, CRUISE);
+        assert_eq!(sample.oil_temperature.value.err(), fault, "{other}");
+    }
+    bench.other_oil = Reading::failed(Micros(0), Fault::Stale);
+    assert!(bench.run(2000, CRUISE).oil_temperature.value.is_ok());
+}
+
+#[test]
 fn what_a_drive_may_rightly_do_is_plausible() {
     let cases = [
         ("at rest", Drive { n_p: 0.0, n_m: 0.0, p_a: 0.0, p_b: 0.0, alpha: 0.0, ..CRUISE }),
         ("idle", Drive { n_m: 0.0, p_a: 1.6, p_b: 1.5, alpha: 0.0, ..CRUISE }),
         ("stalled at the relief valve", Drive { n_m: 0.0, p_a: 48.0, ..CRUISE }),
         ("overrunning", Drive { p_a: 1.5, p_b: 12.0, n_m: 1530.0, ..CRUISE }),
+        ("neutral, tolerances used up", Drive { n_m: 0.0, alpha: 0.008, p_a: 2.55, p_b: 2.25, ..CRUISE }),
+        ("standing against a load", Drive { n_m: 0.0, alpha: 0.05, p_a: 12.0, ..CRUISE }),
         ("creeping", Drive { n_m: 20.0, alpha: 0.05, p_a: 8.0, ..CRUISE }),
     ];
     for (what, drive) in cases {
@@ -140,6 +177,7 @@ fn what_a_drive_may_rightly_do_is_plausible() {
             sample.motor_speed.value.err(),
             sample.high_pressure.value.err(),
             sample.low_pressure.value.err(),
+            sample.displacement.value.err(),
         ]
         .contains(&Some(Fault::Implausible));
         assert!(!implausible, "{what}: {sample:?}");

@@ -24,14 +24,15 @@
 //! is zero: the slowest speed that is told from standstill is `60 000/(teeth*zero_ms)` r/min. A pickup that is
 //! broken gives no edges either; only [`plausibility`](super::plausibility) can tell it from standstill.
 
+mod config;
+mod edges;
+
 use kou_estimator::units::{Micros, RevPerMin};
 use kou_estimator::{Fault, Reading};
 
-use super::config::{ConfigError, consistent, number, whole};
-use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
-
-/// Edges that one poll may bring: 3000 r/min with 200 teeth for 1 ms, three times over.
-pub const MAX_EDGES: usize = 32;
+use super::debounce::DebounceState;
+pub use config::{PickupConfig, PickupParams};
+pub use edges::{Edges, MAX_EDGES};
 
 /// Odd edges in a row after which the pitch is learned anew. A reference gap is one; a gap beside a lost edge two.
 pub const RESYNC: u8 = 3;
@@ -51,125 +52,8 @@ const LONGEST: f32 = 1.6;
 const GAP_BAND: f32 = 0.35;
 /// How far from the one before a pitch may be to count as alike.
 const ALIKE_BAND: f32 = 0.25;
-/// Most edges that may be lost beside the reference gap.
-const LOST: u8 = 2;
 /// Pitches that a window spans at least, unless they take longer than the window itself.
 const LEAST_PITCHES: u64 = 6;
-/// Margin above `max_rpm` before an edge counts as too soon.
-const TOO_SOON: f32 = 1.3;
-
-/// Edges since the last poll, as the board's timer stamped them.
-#[derive(Debug, Clone, Default)]
-pub struct Edges {
-    stamps: heapless::Vec<u32, MAX_EDGES>,
-    lost: bool,
-}
-
-impl Edges {
-    /// No edges.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self { stamps: heapless::Vec::new(), lost: false }
-    }
-
-    /// Adds an edge, in the order of time. Without room it is dropped, and the speed takes a new start.
-    pub fn push(&mut self, stamp: u32) {
-        self.lost |= self.stamps.push(stamp).is_err();
-    }
-
-    /// Says that the hardware has dropped edges.
-    pub fn overrun(&mut self) {
-        self.lost = true;
-    }
-
-    /// Forgets all.
-    pub fn clear(&mut self) {
-        self.stamps.clear();
-        self.lost = false;
-    }
-
-    /// The stamps.
-    #[must_use]
-    pub fn stamps(&self) -> &[u32] {
-        &self.stamps
-    }
-}
-
-/// A toothed wheel and its pickup.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct PickupConfig {
-    /// Pitches of a whole revolution, those of missing reference teeth included; 1 to 400.
-    pub teeth: u32,
-    /// Teeth missing in a row at a reference mark, 0 to 3.
-    pub gap_teeth: u8,
-    /// Fastest speed of the shaft, 10 to 20 000 r/min.
-    pub max_rpm: f32,
-    /// Rate of the counter that stamps the edges, 10 kHz to 200 MHz.
-    pub counter_hz: u32,
-    /// Time over which the speed is averaged, 1 to 1000 ms; at least one pitch is.
-    pub window_ms: u32,
-    /// Time without an edge after which the shaft stands, 10 to 5000 ms. The counter must not wrap within it.
-    pub zero_ms: u32,
-    /// Confirmation and healing of faults, in edges.
-    pub debounce: DebounceConfig,
-}
-
-/// A checked pickup.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PickupParams {
-    /// r/min times counts per pitch.
-    rpm_counts: f32,
-    max_rpm: f32,
-    soonest: u64,
-    longest_gap: u8,
-    window: u64,
-    zero: u64,
-    counts_per_ms: u32,
-    debounce: DebounceParams,
-}
-
-impl PickupParams {
-    /// Checks a pickup's configuration.
-    ///
-    /// # Errors
-    /// The first field out of range or inconsistent.
-    pub fn new(config: &PickupConfig) -> Result<Self, ConfigError> {
-        whole("teeth", config.teeth, 1, 400)?;
-        whole("gap_teeth", u32::from(config.gap_teeth), 0, 3)?;
-        consistent(
-            "gap_teeth",
-            u32::from(config.gap_teeth) * 4 < config.teeth,
-            "fewer than a quarter of the teeth may be missing",
-        )?;
-        number("max_rpm", config.max_rpm, 10.0, 20_000.0)?;
-        whole("counter_hz", config.counter_hz, 10_000, 200_000_000)?;
-        whole("window_ms", config.window_ms, 1, 1000)?;
-        whole("zero_ms", config.zero_ms, 10, 5000)?;
-        let counts_per_ms = config.counter_hz / 1000;
-        let counts = |ms: u32| u64::from(ms) * u64::from(counts_per_ms);
-        let rpm_counts = 60.0 * config.counter_hz as f32 / config.teeth as f32;
-        let soonest = rpm_counts / (TOO_SOON * config.max_rpm);
-        // Two counts of a pitch at least, or the stamps cannot carry the fastest speed.
-        number("counter_hz per tooth", soonest, 2.0, f32::MAX)?;
-        Ok(Self {
-            rpm_counts,
-            max_rpm: config.max_rpm,
-            soonest: soonest as u64,
-            longest_gap: config.gap_teeth + LOST + 1,
-            window: counts(config.window_ms),
-            zero: counts(config.zero_ms),
-            counts_per_ms,
-            debounce: DebounceParams::new(&config.debounce)?,
-        })
-    }
-
-    /// Counts of the timer in a millisecond.
-    #[must_use]
-    pub const fn counts_per_ms(&self) -> u32 {
-        self.counts_per_ms
-    }
-}
 
 /// An edge that was counted: pitches so far, and when.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

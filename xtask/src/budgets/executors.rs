@@ -1,0 +1,85 @@
+//! Worst-case stack of the vehicle's firmware: one stack, on which interrupts of rising priority stand above the thread.
+//!
+//! ```text
+//! thread executor, frame, executor of the estimate, frame, executor of the sampling, frame, deepest of the other interrupts
+//! ```
+//!
+//! Each executor polls its tasks one after the other, so the deepest counts. The linker's names do not tell tasks apart, so the
+//! two tasks that have an executor to themselves are known by what they call, and the thread is charged with the deepest of all.
+//! All other interrupts have one priority, so of them the deepest counts.
+//!
+//! Calls through registers are those of executors (to tasks), of wakers, of CAN's dynamic channels and of the log's
+//! transport; a further one is an error until it has a rule. Not counted: panics, and the writing of the note that a
+//! reset leaves; nothing comes after them but the reset.
+
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::stack::{Program, Reach, Rule};
+use super::{Figure, figure};
+
+/// Parts of the names of what an executor polls.
+const TASKS: &str = "TaskStorage$LT$F$GT$4poll";
+const WAKERS: &str = "embassy_executor3raw5waker";
+const CHANNELS: &str = "DynamicChannel$LT$T$GT$$GT$";
+const LOG: &str = "defmt_rtt7channel";
+
+const RULES: &[Rule] = &[
+    Rule { of: &["UART4"], reach: &[Reach::Calling(TASKS, "AnalogState7observe")] },
+    Rule { of: &["UART5"], reach: &[Reach::Calling(TASKS, "6health5state11HealthState4work")] },
+    Rule { of: &["thread8Executor3run"], reach: &[Reach::Named(TASKS)] },
+    Rule { of: &[CHANNELS], reach: &[Reach::Named(WAKERS)] },
+    Rule { of: &["_defmt_acquire", "_defmt_release", "_defmt_write"], reach: &[Reach::Named(LOG)] },
+    Rule {
+        of: &[TASKS, "FDCAN1_IT0", "RxMode12on_interrupt", "drop_in_place$LT$embassy_sync"],
+        reach: &[Reach::Named(WAKERS), Reach::Named(CHANNELS)],
+    },
+    Rule {
+        of: &["TIM5", "embassy_time_schedule_wake", "dma_bdma", "adjust_reference_counter"],
+        reach: &[Reach::Named(WAKERS)],
+    },
+];
+
+/// From here on nothing returns.
+const ENDS: &[&str] =
+    &["9panicking", "unwrap_failed", "expect_failed", "controller4note5write", "defmt_default_panic"];
+
+/// Exception frame with the floating-point registers, and its alignment.
+const FRAME: u32 = 26 * 4 + 4;
+/// Interrupts that are no executor's.
+const INTERRUPTS: [&str; 6] = ["TIM2", "TIM5", "DMA1_CHANNEL1", "DMA1_CHANNEL2", "FDCAN1_IT0", "FDCAN1_IT1"];
+
+/// Stack of the thread, of both executors in interrupts, of the other interrupts, all together, and with the static RAM.
+pub fn figures(elf: &Path, static_ram: u64) -> Result<[Figure; 6]> {
+    let program = Program::load(elf, RULES, ENDS)?;
+    let thread = program.depth_of("main")?;
+    let estimate = program.depth_of("UART5")?;
+    let sample = program.depth_of("UART4")?;
+    let mut others = 0;
+    for name in INTERRUPTS {
+        others = others.max(program.depth_of(name)?);
+    }
+    let stack = u64::from(thread + estimate + sample + others + 3 * FRAME);
+    let bytes = |key, what, value| figure(key, what, "bytes", value);
+    Ok([
+        bytes("g474_thread_stack_bytes", "G474 firmware: stack of the thread, static bound", thread.into()),
+        bytes(
+            "g474_estimate_stack_bytes",
+            "G474 firmware: stack of the estimate's executor, static bound",
+            estimate.into(),
+        ),
+        bytes(
+            "g474_sample_stack_bytes",
+            "G474 firmware: stack of the sampling's executor, static bound",
+            sample.into(),
+        ),
+        bytes(
+            "g474_interrupt_stack_bytes",
+            "G474 firmware: stack of the other interrupts, static bound",
+            others.into(),
+        ),
+        bytes("g474_stack_bytes", "G474 firmware: all stacks and frames, static bound", stack),
+        bytes("g474_ram_and_stack_bytes", "G474 firmware: static RAM and stack", static_ram + stack),
+    ])
+}
