@@ -31,12 +31,19 @@ const RULES: &[Rule] = &[
     Rule { of: &["thread8Executor3run"], reach: &[Reach::Named(TASKS)] },
     Rule { of: &[CHANNELS], reach: &[Reach::Named(WAKERS)] },
     Rule { of: &["_defmt_acquire", "_defmt_release", "_defmt_write"], reach: &[Reach::Named(LOG)] },
+    Rule { of: &["Channel9write_all"], reach: &[Reach::Named("blocking_write")] },
     Rule {
-        of: &[TASKS, "FDCAN1_IT0", "RxMode12on_interrupt", "drop_in_place$LT$embassy_sync"],
+        of: &[TASKS, "controller3bus", "FDCAN1_IT0", "RxMode12on_interrupt", "drop_in_place$LT$embassy_sync"],
         reach: &[Reach::Named(WAKERS), Reach::Named(CHANNELS)],
     },
     Rule {
-        of: &["TIM5", "embassy_time_schedule_wake", "dma_bdma", "adjust_reference_counter"],
+        of: &[
+            "TIM5",
+            "embassy_time_schedule_wake",
+            "dma_bdma",
+            "adjust_reference_counter",
+            "WakerRegistration",
+        ],
         reach: &[Reach::Named(WAKERS)],
     },
 ];
@@ -82,4 +89,17 @@ pub fn figures(elf: &Path, static_ram: u64) -> Result<[Figure; 6]> {
         bytes("g474_stack_bytes", "G474 firmware: all stacks and frames, static bound", stack),
         bytes("g474_ram_and_stack_bytes", "G474 firmware: static RAM and stack", static_ram + stack),
     ])
+}
+
+#[cfg(test)]
+mod tmp {
+    #[test]
+    fn tmp() {
+        let elf =
+            std::path::Path::new("/work/wt-store/target/thumbv7em-none-eabihf/release/kou-nucleo-g474re");
+        match super::figures(elf, 15340) {
+            Ok(f) => println!("{f:#?}"),
+            Err(e) => println!("ERR {e:#}"),
+        }
+    }
 }

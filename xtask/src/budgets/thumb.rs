@@ -24,11 +24,25 @@ pub enum Effect {
 /// Length in bytes and effect of the instruction at `address`; nothing at the end of the code.
 pub fn decode(code: &[u8], address: u32) -> Option<(usize, Effect)> {
     let first = half(code, 0)?;
+    if let Some(lost) = aligned(code) {
+        return Some((8, Effect::Takes(lost)));
+    }
     // 0b11101, 0b11110 and 0b11111 begin an instruction of two halfwords.
     if first >> 11 < 0b11101 {
         return Some((2, narrow(first, address)));
     }
     Some((4, wide(first, half(code, 2)?, address)))
+}
+
+/// Most that is lost where a function aligns its stack: MOV Rn, sp; BFC Rn, #0, #width; MOV sp, Rn.
+fn aligned(code: &[u8]) -> Option<u32> {
+    let (copy, clear, bits, back) = (half(code, 0)?, half(code, 2)?, half(code, 4)?, half(code, 6)?);
+    let register = copy & 0x7;
+    let is_it = copy & 0xfff8 == 0x4668
+        && clear == 0xf36f
+        && bits & 0xffe0 == register << 8
+        && back == 0x4685 | register << 3;
+    is_it.then(|| (2 << (bits & 0x1f)) - 1)
 }
 
 fn half(code: &[u8], at: usize) -> Option<u32> {

@@ -211,8 +211,8 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
     highest.spawn(sample(shared, start, params, front_end)?);
     high.spawn(estimate(shared, start)?);
     low.spawn(publish(shared, start, Node::new(name, ADDRESS), port)?);
-    spawner.spawn(store(shared, start, begin, records)?);
     low.spawn(supervise(shared, start, keeper)?);
+    spawner.spawn(store(shared, start, begin, records)?);
     Ok(())
 }
 

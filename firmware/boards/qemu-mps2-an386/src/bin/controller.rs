@@ -118,8 +118,9 @@ fn start(line: Line) -> Result<(), SpawnError> {
     highest.spawn(sample(start, params, front_end)?);
     high.spawn(estimate(start)?);
     low.spawn(publish(start)?);
-    lowest.spawn(store(start, begin, records)?);
     low.spawn(supervise(start)?);
+    // Last: it begins at once, above this thread, and opens the flash before it gives the processor back.
+    lowest.spawn(store(start, begin, records)?);
     Ok(())
 }
 
