@@ -3,7 +3,9 @@
 //! Every function's frame is the sum of all that its instructions take from the stack, its depth the frame plus the
 //! deepest of the functions it branches to. An upper bound: branches that exclude each other are added up, and a tail
 //! call counts as a call. Recursion, frames of unknown size and calls through registers whose targets no [`Rule`] names have
-//! no bound and are errors, so the figure cannot be silently too small.
+//! no bound and are errors. Built for size, a function that calls another one several times loads its address once and calls
+//! through the register; so every address of a function among a function's constants is taken to be called by it. A function
+//! that calls both such addresses and others from memory needs a rule for those; the linker cannot tell us.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -22,6 +24,8 @@ struct Function {
     calls: BTreeSet<u32>,
     /// Whether it calls or jumps to addresses held in registers.
     indirect: bool,
+    /// Constants among its code that may be addresses of functions.
+    held: BTreeSet<u32>,
     /// Why there is no bound.
     unbounded: Option<&'static str>,
 }
@@ -42,6 +46,8 @@ pub enum Reach {
     Named(&'static str),
     /// Those of them that call one whose name has the other part; there must be exactly one.
     Calling(&'static str, &'static str),
+    /// Those of them that call one whose name has the other part; there may be several.
+    AnyCalling(&'static str, &'static str),
 }
 
 /// All functions by address.
@@ -119,16 +125,27 @@ impl Program {
 
     /// Deepest stack of a function and all that it calls.
     pub fn depth_of(&self, name: &str) -> Result<u32> {
+        self.depth_by(name, None)
+    }
+
+    /// The same where a rule comes before all others.
+    pub fn depth_by(&self, name: &str, first: Option<&Rule>) -> Result<u32> {
         let found = self.functions.iter().find(|(_, function)| function.name == name);
         let (start, _) = found.with_context(|| format!("the binary has no function `{name}`"))?;
         let mut path = Vec::new();
-        self.depth(*start, &mut path, &mut BTreeMap::new()).with_context(|| {
+        self.depth(*start, first, &mut path, &mut BTreeMap::new()).with_context(|| {
             let names = path.iter().filter_map(|at| Some(self.functions.get(at)?.name.as_str()));
             format!("on the way {}", names.collect::<Vec<_>>().join(" > "))
         })
     }
 
-    fn depth(&self, at: u32, path: &mut Vec<u32>, known: &mut BTreeMap<u32, u32>) -> Result<u32> {
+    fn depth(
+        &self,
+        at: u32,
+        first: Option<&Rule>,
+        path: &mut Vec<u32>,
+        known: &mut BTreeMap<u32, u32>,
+    ) -> Result<u32> {
         if let Some(depth) = known.get(&at) {
             return Ok(*depth);
         }
@@ -146,8 +163,8 @@ impl Program {
         }
         path.push(at);
         let mut deepest = 0;
-        for call in function.calls.iter().copied().chain(self.reached_from(function)?) {
-            deepest = deepest.max(self.depth(call, path, known)?);
+        for call in function.calls.iter().copied().chain(self.reached_from(function, first)?) {
+            deepest = deepest.max(self.depth(call, first, path, known)?);
         }
         path.pop();
         let depth = function.frame + deepest;
@@ -163,20 +180,22 @@ impl Program {
     }
 
     /// Functions that one may call through registers.
-    fn reached_from(&self, function: &Function) -> Result<Vec<u32>> {
+    fn reached_from(&self, function: &Function, first: Option<&Rule>) -> Result<Vec<u32>> {
         if !function.indirect {
             return Ok(Vec::new());
         }
-        let Some(rule) = self.rules.iter().find(|rule| contains_any(&function.name, rule.of)) else {
+        let mut reached: Vec<u32> =
+            function.held.iter().copied().filter(|at| self.functions.contains_key(at)).collect();
+        let rule = first.into_iter().chain(self.rules).find(|rule| contains_any(&function.name, rule.of));
+        if rule.is_none() && reached.is_empty() {
             bail!("`{}` calls through a register; stack depth has no bound", function.name)
-        };
-        let mut reached = Vec::new();
-        for reach in rule.reach {
-            let (Reach::Named(part) | Reach::Calling(part, _)) = reach;
+        }
+        for reach in rule.map_or(&[][..], |rule| rule.reach) {
+            let (Reach::Named(part) | Reach::Calling(part, _) | Reach::AnyCalling(part, _)) = reach;
             let named = self.functions.iter().filter(|(_, other)| other.name.contains(part));
             let found: Vec<u32> = match reach {
                 Reach::Named(_) => named.map(|(at, _)| *at).collect(),
-                Reach::Calling(_, what) => {
+                Reach::Calling(_, what) | Reach::AnyCalling(_, what) => {
                     named.filter(|(_, other)| self.calls(other, what)).map(|(at, _)| *at).collect()
                 }
             };
@@ -202,6 +221,11 @@ impl Function {
         while offset < body.len() {
             let address = start + offset as u32;
             if !is_code(address) {
+                let word = body.get(offset..offset + 4).and_then(|word| word.try_into().ok());
+                let word = word.map_or(0, u32::from_le_bytes);
+                if address % 4 == 0 && word & 1 == 1 {
+                    function.held.insert(word & !1);
+                }
                 offset += 2;
                 continue;
             }

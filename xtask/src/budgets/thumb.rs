@@ -27,6 +27,9 @@ pub fn decode(code: &[u8], address: u32) -> Option<(usize, Effect)> {
     if let Some(lost) = aligned(code) {
         return Some((8, Effect::Takes(lost)));
     }
+    if gives_back(code) == Some(true) {
+        return Some((2, Effect::None));
+    }
     // 0b11101, 0b11110 and 0b11111 begin an instruction of two halfwords.
     if first >> 11 < 0b11101 {
         return Some((2, narrow(first, address)));
@@ -43,6 +46,13 @@ fn aligned(code: &[u8]) -> Option<u32> {
         && bits & 0xffe0 == register << 8
         && back == 0x4685 | register << 3;
     is_it.then(|| (2 << (bits & 0x1f)) - 1)
+}
+
+/// Whether a function gives its stack back: MOV sp, Rn right before what was saved is taken from there (POP, POP.W or VPOP).
+fn gives_back(code: &[u8]) -> Option<bool> {
+    let (back, next) = (half(code, 0)?, half(code, 2)?);
+    let is_pop = next & 0xfe00 == 0xbc00 || next == 0xe8bd || next & 0xffbf == 0xecbd;
+    Some(back & 0xff87 == 0x4685 && is_pop)
 }
 
 fn half(code: &[u8], at: usize) -> Option<u32> {
@@ -155,15 +165,16 @@ mod tests {
     fn stack_taken_by_every_encoding() {
         // The halfwords are those of LLVM's assembler for the instruction in the comment.
         for (halves, bytes) in [
-            (&[0xb5f0][..], 20),        // push {r4, r5, r6, r7, lr}
-            (&[0xb082], 8),             // sub sp, #8
-            (&[0xe92d, 0x4ff0], 36),    // push.w {r4-r11, lr}
-            (&[0xf84d, 0xbd04], 4),     // str r11, [sp, #-4]!
-            (&[0xed2d, 0x8b10], 64),    // vpush {d8-d15}
-            (&[0xed2d, 0x8a02], 8),     // vpush {s16, s17}
-            (&[0xf5ad, 0x7d00], 512),   // sub.w sp, sp, #512
-            (&[0xf6ad, 0x5d24], 0xd24), // subw sp, sp, #3364
-            (&[0xf1ad, 0x0d0c], 12),    // sub.w sp, sp, #12
+            (&[0xb5f0][..], 20),                     // push {r4, r5, r6, r7, lr}
+            (&[0xb082], 8),                          // sub sp, #8
+            (&[0xe92d, 0x4ff0], 36),                 // push.w {r4-r11, lr}
+            (&[0xf84d, 0xbd04], 4),                  // str r11, [sp, #-4]!
+            (&[0xed2d, 0x8b10], 64),                 // vpush {d8-d15}
+            (&[0xed2d, 0x8a02], 8),                  // vpush {s16, s17}
+            (&[0xf5ad, 0x7d00], 512),                // sub.w sp, sp, #512
+            (&[0xf6ad, 0x5d24], 0xd24),              // subw sp, sp, #3364
+            (&[0xf1ad, 0x0d0c], 12),                 // sub.w sp, sp, #12
+            (&[0x466c, 0xf36f, 0x0403, 0x46a5], 15), // mov r4, sp; bfc r4, #0, #4; mov sp, r4
         ] {
             assert_eq!(effect(halves, 0), Effect::Takes(bytes), "{halves:x?}");
         }
@@ -175,6 +186,15 @@ mod tests {
         for halves in [&[0xbd80][..], &[0xb002], &[0x46bd], &[0xf1a7, 0x0d08], &[0xecbd, 0x8b02], &[0x4770]] {
             assert_eq!(effect(halves, 0), Effect::None, "{halves:x?}");
         }
+    }
+
+    #[test]
+    fn stack_pointer_from_a_register_is_known_only_right_before_what_was_saved_is_taken_back() {
+        let code = |halves: &[u16]| halves.iter().flat_map(|half| half.to_le_bytes()).collect::<Vec<u8>>();
+        // mov sp, r4; pop.w {r8-r11}
+        assert_eq!(decode(&code(&[0x46a5, 0xe8bd, 0x0f00]), 0), Some((2, Effect::None)));
+        // mov sp, r4; nop
+        assert_eq!(decode(&code(&[0x46a5, 0xbf00]), 0), Some((2, Effect::TakesUnknown)));
     }
 
     #[test]
