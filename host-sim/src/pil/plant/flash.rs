@@ -31,6 +31,7 @@ pub struct Aim {
 
 /// What came of an operation.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(clippy::large_enum_variant, reason = "made once in an exchange and passed on at once")]
 pub enum Done {
     /// An answer for the firmware.
     Answer(FlashDone),
