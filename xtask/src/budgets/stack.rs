@@ -223,7 +223,7 @@ impl Function {
             if !is_code(address) {
                 let word = body.get(offset..offset + 4).and_then(|word| word.try_into().ok());
                 let word = word.map_or(0, u32::from_le_bytes);
-                if address % 4 == 0 && word & 1 == 1 {
+                if address.is_multiple_of(4) && word & 1 == 1 {
                     function.held.insert(word & !1);
                 }
                 offset += 2;
