@@ -61,7 +61,7 @@ pub struct HealthRecord {
 
 impl Record<'_> for HealthRecord {
     const KIND: Kind = Kind::Health;
-    const SCHEMA: u16 = 1;
+    const SCHEMA: u16 = 2;
 }
 
 impl HealthRecord {
