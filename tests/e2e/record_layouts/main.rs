@@ -1,9 +1,12 @@
 //! Every record that is kept or sent has the layout that its schema says: a field that is added, removed, moved or given
-//! another type is noticed here, before a controller reads old bytes as new fields.
+//! another type is noticed here, before a controller reads old bytes as new fields. So is a variant of an enumeration, which is
+//! kept by its number: one in the middle makes others of all behind it.
 //!
 //! The layouts stand in `tests/data/layouts`, a file for each kind and schema, as the types describe themselves. When this test
 //! fails, raise the record's `SCHEMA`, think of `Record::migrate`, and run it with `KOU_NEW_LAYOUTS=1`, which writes the
 //! file of the new schema. A file that is there is never written over.
+
+mod shape;
 
 use std::path::{Path, PathBuf};
 
@@ -11,24 +14,17 @@ use kou_app::faults::FaultMemory;
 use kou_app::storage::{HealthRecord, Life, Record, StopNote, UpdateCounter};
 use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, State, state_record};
-use serde::de::DeserializeOwned;
-use serde_reflection::{Registry, Samples, Tracer, TracerConfig};
-
-fn layout<T: DeserializeOwned>() -> Registry {
-    let mut tracer = Tracer::new(TracerConfig::default());
-    tracer.trace_type_once::<T>(&Samples::new()).expect("the type describes itself");
-    // Of enumerations only the first variant is seen: they are read by position, and append only.
-    tracer.registry_unchecked()
-}
+use serde::Deserialize;
+use shape::Shape;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data/layouts")
 }
 
 /// What is wrong, if anything.
-fn compare(name: &str, schema: u16, layout: &Registry) -> Option<String> {
+fn compare(name: &str, schema: u16, layout: &Shape) -> Option<String> {
     let path = folder().join(format!("{name}-{schema}.txt"));
-    let text = format!("{layout:#?}\n");
+    let text = layout.to_string();
     match std::fs::read_to_string(&path) {
         Ok(known) if known == text => None,
         Ok(_) => {
@@ -48,7 +44,7 @@ fn compare(name: &str, schema: u16, layout: &Registry) -> Option<String> {
 macro_rules! of {
     ($record:ty) => {{
         let kind = <$record as Record<'_>>::KIND;
-        compare(kind.name(), <$record as Record<'_>>::SCHEMA, &layout::<$record>())
+        compare(kind.name(), <$record as Record<'_>>::SCHEMA, &shape::of::<$record>())
     }};
 }
 
@@ -60,8 +56,8 @@ fn every_record_has_the_layout_that_its_schema_says() {
         of!(Life),
         of!(UpdateCounter),
         of!(StopNote),
-        compare("calibration_record", record::SCHEMA, &layout::<Calibration>()),
-        compare("state_record", state_record::SCHEMA, &layout::<State>()),
+        compare("calibration_record", record::SCHEMA, &shape::of::<Calibration>()),
+        compare("state_record", state_record::SCHEMA, &shape::of::<State>()),
     ];
     let wrong: Vec<String> = wrong.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
@@ -75,7 +71,49 @@ fn a_changed_layout_is_noticed() {
         life: Life,
         more: u8,
     }
-    let known = compare("life", <Life as Record<'_>>::SCHEMA, &layout::<Life>());
-    let changed = compare("life", <Life as Record<'_>>::SCHEMA, &layout::<Longer>());
+    let known = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<Life>());
+    let changed = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<Longer>());
     assert!(known.is_none() && changed.is_some_and(|text| text.contains("raise its SCHEMA")));
+}
+
+#[test]
+fn a_variant_in_the_middle_of_an_enumeration_or_another_content_of_its_last_one_is_noticed() {
+    #[derive(Deserialize)]
+    enum Known {
+        _One,
+        _Two(u8),
+        _Three { _at: u32 },
+    }
+    mod wider {
+        #[derive(serde::Deserialize)]
+        pub enum Known {
+            _One,
+            _Between,
+            _Two(u8),
+            _Three { _at: u32 },
+        }
+    }
+    mod other {
+        #[derive(serde::Deserialize)]
+        pub enum Known {
+            _One,
+            _Two(u8),
+            _Three { _at: u64 },
+        }
+    }
+    #[derive(Deserialize)]
+    struct Holder<T> {
+        _first: T,
+        _list: Vec<Option<T>>,
+    }
+    let known = shape::of::<Holder<Known>>();
+    assert_ne!(known, shape::of::<Holder<wider::Known>>());
+    assert_ne!(known, shape::of::<Holder<other::Known>>());
+    let enumeration = |place: &str| {
+        format!(
+            "  {place}: one of Known\n    0 _One: nothing\n    1 _Two: u8\n    2 _Three: fields\n      _at: u32\n"
+        )
+    };
+    let text = format!("record: Holder\n{}{}", enumeration("_first"), enumeration("_list list of optional"));
+    assert_eq!(known.to_string(), text);
 }
