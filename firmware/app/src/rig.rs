@@ -149,11 +149,9 @@ pub struct FromHost {
     pub order: Order,
 }
 
-/// Frames of an estimate with one valid part and one that is not: what the target's code makes of it and what the host's makes
-/// of it are compared.
-#[must_use]
-pub fn example_frames() -> [[u8; 8]; 3] {
-    let estimate = Estimate {
+/// An estimate with one valid part and one that is not.
+pub(crate) fn example_estimate() -> Estimate {
+    Estimate {
         time: Micros(0),
         expected: Ok(Expected {
             kou: LeakageCoefficient(0.08),
@@ -164,7 +162,14 @@ pub fn example_frames() -> [[u8; 8]; 3] {
         }),
         seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
         health: Health::new(),
-    };
+    }
+}
+
+/// Frames of an estimate with one valid part and one that is not: what the target's code makes of it and what the host's makes
+/// of it are compared.
+#[must_use]
+pub fn example_frames() -> [[u8; 8]; 3] {
+    let estimate = example_estimate();
     [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)]
 }
 

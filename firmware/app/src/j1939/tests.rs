@@ -1,13 +1,14 @@
 //! The controller on the bus, against what others may send.
 
-use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason};
+use kou_estimator::units::{LeakageCoefficient, Micros};
+use kou_estimator::{Channel, Estimate, Fault};
 use std::vec::Vec;
 
 use super::catalogue as c;
 use super::signal::Absent;
 use super::*;
 use crate::faults::{Code, FaultMemory, Snapshot};
+use crate::rig::example_estimate as estimate;
 
 const ADDRESS: u8 = 0x27;
 
@@ -17,21 +18,6 @@ fn ms(ms: u64) -> Micros {
 
 fn name() -> Name {
     Name::new(&NameConfig::transmission(1000)).unwrap()
-}
-
-fn estimate() -> Estimate {
-    Estimate {
-        time: Micros(0),
-        expected: Ok(Expected {
-            kou: LeakageCoefficient(0.08),
-            kou_se: LeakageCoefficient(0.002),
-            ratio: Ratio(0.95),
-            volumetric_efficiency: Ratio(0.95),
-            leakage: LitrePerMin(12.5),
-        }),
-        seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
-        health: kou_estimator::health::Health::new(),
-    }
 }
 
 fn outputs<'a>(estimate: &'a Estimate, faults: &'a FaultMemory) -> Outputs<'a> {

@@ -1,12 +1,12 @@
 //! Sent: estimates, their validity, learned health and the state of the controller (proprietary B).
 
-use super::{double_word, plain, state, word};
+use super::{plain, state, word};
 use crate::j1939::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 /// A leakage coefficient: the largest that a calibration may allow, 100, is a fortieth of what it can hold.
 const fn kou(name: &'static str, byte: u8, comment: &'static str) -> Signal {
-    double_word(name, byte, 1e-6, 0.0, "L/min/MPa", comment)
+    Signal { length: 32, ..word(name, byte, 1e-6, 0.0, "L/min/MPa", comment) }
 }
 
 /// Leakage coefficient by the law.

@@ -69,18 +69,6 @@ const fn word(
     Signal { coding: Coding::Measured, scale, offset, unit: text(unit), ..plain(name, 8 * byte, 16, comment) }
 }
 
-/// The same with 32 bits.
-const fn double_word(
-    name: &'static str,
-    byte: u8,
-    scale: f32,
-    offset: f32,
-    unit: &'static str,
-    comment: &'static str,
-) -> Signal {
-    Signal { length: 32, ..word(name, byte, scale, offset, unit, comment) }
-}
-
 const fn with_spn(signal: Signal, spn: u32) -> Signal {
     Signal { spn: Some(spn), ..signal }
 }
