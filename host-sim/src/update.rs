@@ -4,6 +4,8 @@
 //! `docs/calibration-update.md` describes both.
 
 use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
@@ -14,6 +16,9 @@ use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
 
 use crate::input::InputError;
+
+/// Bytes that are read of a key file: more than digits and white space around them need, and a wrong file may be endless.
+const LONGEST_KEY_FILE: u64 = 1024;
 
 /// Who talks to whom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +42,15 @@ pub fn read_key(path: &Path) -> Result<Key, InputError> {
 /// # Errors
 /// As of [`read_key`].
 pub fn read_key_bytes(path: &Path) -> Result<[u8; KEY_LEN], InputError> {
-    let bytes = std::fs::read(path).map_err(|e| InputError::new(format!("{}: {e}", path.display())))?;
-    if let Ok(raw) = <[u8; 32]>::try_from(bytes.as_slice()) {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LONGEST_KEY_FILE).read_to_end(&mut bytes))
+        .map_err(|e| InputError::new(format!("{}: {e}", path.display())))?;
+    let is_text = |byte: &u8| byte.is_ascii_hexdigit() || byte.is_ascii_whitespace();
+    // 32 bytes of digits are half a key in text, not a key: random bytes look so once in 1e31 keys.
+    if let Ok(raw) = <[u8; KEY_LEN]>::try_from(bytes.as_slice())
+        && !raw.iter().all(is_text)
+    {
         return Ok(raw);
     }
     let digits: Option<Vec<u8>> = bytes
@@ -101,7 +113,10 @@ mod tests {
         let digits: String = raw.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(file("raw", &raw).unwrap(), Key::new(raw));
         assert_eq!(file("hex", format!("{digits}\n").as_bytes()).unwrap(), Key::new(raw));
-        for wrong in [&raw[..31], &digits.as_bytes()[1..], b"", "g".repeat(64).as_bytes()] {
+        let digits = digits.as_bytes();
+        // The last two are 32 bytes long.
+        let half = [&digits[..31], b"\n"].concat();
+        for wrong in [&raw[..31], &digits[1..], b"", "g".repeat(64).as_bytes(), &digits[..32], &half] {
             let error = file("wrong", wrong).unwrap_err().to_string();
             assert!(error.contains("32 bytes"), "{error}");
         }
