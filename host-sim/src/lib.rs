@@ -4,6 +4,7 @@
 //! firmware links; no equation of it stands here.
 
 pub mod calibration;
+pub mod columns;
 pub mod commands;
 pub mod evaluate;
 pub mod full;

@@ -118,7 +118,15 @@ fn replay_judges_the_drive_and_names_every_fault_that_was_put_in() {
     // The law misses the truth by some 0.8 % (its residual); means over thousands of samples have no noise left.
     assert!((mean(&before) - 1.0).abs() < 0.02, "{}", mean(&before));
     assert!((mean(&after) - 1.35).abs() < 0.03, "{}", mean(&after));
-    assert!(std::fs::read_to_string(svg).unwrap().matches("<circle").count() > 500 * 5);
+    let picture = std::fs::read_to_string(svg).unwrap();
+    // Three curves measured and two expected: about a point for each pixel of the width, 1000.
+    for (colour, curves) in [("#1F77B4", 3), ("#D62728", 2)] {
+        let drawn = picture.lines().filter(|line| line.starts_with("<polyline") && line.contains(colour));
+        let points: usize = drawn.map(|line| line.matches(',').count()).sum();
+        assert!((800 * curves..2000 * curves).contains(&points), "{colour}: {points}");
+    }
+    // Twice as many points at most, of eight characters each, and axes.
+    assert!(picture.len() < 100_000, "{} bytes", picture.len());
 }
 
 #[test]
@@ -370,6 +378,11 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
         let line = good.lines().position(|l| l.contains(from)).unwrap() + 1;
         has(error.clone(), &[&format!("broken.toml:{line}:"), "column"]);
         has(error, parts);
+    }
+    // Of another machine than the file.
+    for command in ["verify", "evaluate"] {
+        let words = [command, "--machine", "host-sim/machines/seven-piston.toml", "--calibration", &cal];
+        has(failure(2, words), &["cal.toml", "another machine", "reference", "seven"]);
     }
     // A binary record with a flipped bit.
     identify(&folder, "cal.bin");

@@ -1,10 +1,13 @@
-//! What `identify` and `report` are given alike: points, machine, and what is known beforehand.
+//! What several commands are given alike, so that they cannot read it differently.
 //!
-//! One set of options for both, so that the page signed tells of the very fit that the calibration is from.
+//! `identify` and `report`: points, machine, and what is known beforehand; one set of options for both, so that the page signed
+//! tells of the very fit that the calibration is from. `evaluate` and `verify`: a machine and its calibration.
 
 use std::path::{Path, PathBuf};
 
-use crate::calibration::{SensorClass, Settings};
+use kou_estimator::{Calibration, Params};
+
+use crate::calibration::{self, SensorClass, Settings};
 use crate::identify::joint::Prior;
 use crate::input::InputError;
 use crate::machine::Machine;
@@ -81,6 +84,36 @@ impl Given {
             ..Prior::default()
         };
         Ok(Read { machine, points, repeated, settings, prior })
+    }
+}
+
+/// A machine and its calibration.
+#[derive(Debug, clap::Args)]
+pub struct Calibrated {
+    /// Machine file (TOML); it must be the calibration's.
+    #[arg(long, value_name = "M.toml")]
+    pub machine: PathBuf,
+    /// Calibration: TOML or binary record.
+    #[arg(long, value_name = "CAL.toml")]
+    pub calibration: PathBuf,
+}
+
+impl Calibrated {
+    /// Reads the files; the calibration also as the estimator takes it.
+    ///
+    /// # Errors
+    /// A file that cannot be read or says something impossible, a calibration that the controller would refuse or that is
+    /// of another type of machine.
+    pub fn read(&self) -> Result<(Machine, Calibration, Params), InputError> {
+        let machine = Machine::load(&self.machine)?;
+        let (calibration, params) = calibration::read_checked(&self.calibration)?;
+        if calibration.machine.name.as_str() != machine.name() {
+            return Err(InputError::new("is of another machine than the machine file")
+                .at_file(&self.calibration)
+                .with_value(&calibration.machine.name)
+                .with_allowed(machine.name()));
+        }
+        Ok((machine, calibration, params))
     }
 }
 

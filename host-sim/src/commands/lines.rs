@@ -5,13 +5,12 @@ use std::path::Path;
 use plotters::prelude::*;
 
 use super::Failure;
+use crate::columns::Columns;
 use crate::input::InputError;
 
 const SIZE: (u32, u32) = (900, 560);
 const COLOURS: [RGBColor; 4] =
     [RGBColor(31, 119, 180), RGBColor(214, 39, 40), RGBColor(44, 160, 44), RGBColor(148, 103, 189)];
-/// Points that a curve shows at most; the CSV has them all.
-const MAX_POINTS: usize = 2000;
 
 /// One curve.
 pub(super) struct Series {
@@ -73,14 +72,15 @@ impl Lines {
             .x_label_area_size(40)
             .y_label_area_size(70)
             .build_cartesian_2d(x0..x1, (y0 - margin)..(y1 + margin))?;
-        chart.configure_mesh().x_desc(self.x).y_desc(self.y).light_line_style(WHITE).draw()?;
+        chart.configure_mesh().x_desc(self.x).y_desc(self.y).light_line_style(TRANSPARENT).draw()?;
+        let (wide, tall) = chart.plotting_area().dim_in_pixel();
         for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle().copied()) {
-            let stride = series.points.len().div_ceil(MAX_POINTS).max(1);
+            // What the pixels can show; the CSV has all points.
+            let mut columns = Columns::over(x0, x1, wide as usize);
+            series.points.iter().for_each(|(x, y)| columns.add(*x, *y));
+            let stretches = columns.stretches((y1 - y0 + 2.0 * margin) / f64::from(tall)).into_iter();
             chart
-                .draw_series(LineSeries::new(
-                    series.points.iter().copied().step_by(stride),
-                    colour.stroke_width(2),
-                ))?
+                .draw_series(stretches.map(|s| PathElement::new(s, colour.stroke_width(2))))?
                 .label(series.name.clone())
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
         }

@@ -3,16 +3,14 @@
 //! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! Points fill the envelope and are none of those to which the surrogate was fitted.
 
-use std::path::PathBuf;
-
 use kou_estimator::reduced::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::given::Calibrated;
 use super::{Failure, print_json, print_text};
-use crate::calibration;
 use crate::identify::envelope::Envelope;
 use crate::identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio};
 use crate::identify::surrogate;
@@ -26,12 +24,9 @@ const LIMITS: [f64; 3] = [1e-4, 5e-4, 0.5];
 /// Compares the estimator with the full model over the envelope.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Machine file (TOML).
-    #[arg(long, value_name = "M.toml")]
-    pub machine: PathBuf,
-    /// Calibration: TOML or binary record.
-    #[arg(long, value_name = "CAL.toml")]
-    pub calibration: PathBuf,
+    /// Machine and calibration.
+    #[command(flatten)]
+    pub given: Calibrated,
     /// Points to compare at.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub points: u32,
@@ -71,11 +66,10 @@ struct Report {
 /// # Errors
 /// Bad input; or errors above the limits.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let machine = Machine::load(&args.machine)?;
-    let (calibration, params) = calibration::read_checked(&args.calibration)?;
+    let (machine, calibration, params) = args.given.read()?;
     let change = change_of(&calibration, &machine);
-    let machine = change.of(&machine).map_err(|e| e.at_file(&args.calibration))?;
-    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?;
+    let machine = change.of(&machine).map_err(|e| e.at_file(&args.given.calibration))?;
+    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let theory = ReducedRatio::new(&machine)?;
     let envelope = Envelope::default();
     let compared: Vec<Option<Compared>> = (surrogate::POINTS + 1..=surrogate::POINTS + args.points)

@@ -11,23 +11,20 @@ use kou_estimator::health::Cause;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::given::Calibrated;
 use super::{Failure, print_json, print_text};
-use crate::calibration::{self, SensorClass};
+use crate::calibration::SensorClass;
 use crate::evaluate::{
     Course, DIMENSIONS, Event, Looks, Named, Run, Setting, Share, Tally, faults, quantile,
 };
 use crate::input::InputError;
-use crate::machine::Machine;
 
 /// Judges the judging of health: false alarms, delays, confusion of causes, coverage of standard errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Machine file (TOML); it must be the calibration's.
-    #[arg(long, value_name = "M.toml")]
-    pub machine: PathBuf,
-    /// Calibration: TOML or binary record.
-    #[arg(long, value_name = "CAL.toml")]
-    pub calibration: PathBuf,
+    /// Machine and calibration.
+    #[command(flatten)]
+    pub given: Calibrated,
     /// Hours of healthy driving, over all worlds together.
     #[arg(long, default_value_t = 200.0)]
     pub hours: f64,
@@ -112,15 +109,7 @@ impl Detection {
 /// # Errors
 /// Bad input.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let machine = Machine::load(&args.machine)?;
-    let (calibration, params) = calibration::read_checked(&args.calibration)?;
-    if calibration.machine.name.as_str() != machine.name() {
-        return Err(InputError::new("is of another machine than the machine file")
-            .at_file(&args.calibration)
-            .with_value(&calibration.machine.name)
-            .with_allowed(machine.name())
-            .into());
-    }
+    let (_, calibration, params) = args.given.read()?;
     for (name, value, range) in [
         ("--hours", args.hours, crate::input::Range::new(1.0, 100_000.0, "h")),
         ("--misfit", args.misfit, crate::input::Range::new(0.0, 0.3, "")),
@@ -171,7 +160,7 @@ fn study(args: &Args, setting: &Setting, calibration: &Calibration) -> Result<Va
     let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
 
     let named = faults(&setting.params, &calibration.oil).map_err(|e| {
-        InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.calibration)
+        InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.given.calibration)
     })?;
     let courses = courses(&named);
     let mut results = setting.courses(args.runs, &courses).into_iter();
