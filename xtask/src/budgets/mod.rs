@@ -57,6 +57,14 @@ pub fn run(as_json: bool) -> Result<ExitCode> {
     Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Prints where the stacks of the vehicle's firmware are deepest.
+pub fn stacks() -> Result<()> {
+    setup::run()?;
+    let elf = firmware::build_for(&Workspace::load()?, firmware::VEHICLE_BOARD)?;
+    print!("{}", executors::ways(&elf)?);
+    Ok(())
+}
+
 /// Measures, prints, and returns every complaint: none when all is within its limits.
 pub fn complaints(workspace: &Workspace) -> Result<Vec<String>> {
     let limits = Limits::load()?;

@@ -113,22 +113,25 @@ impl World {
         if with(Task::Sample) {
             tasks.push(Box::pin(async move {
                 let mut bench = Bench { counts: &self.counts, busy: &self.busy };
-                run_sample(c, start, &self.params, &mut bench).await;
+                run_sample(c, start, &self.params, &mut bench, &mut SensorsMemory::new()).await;
             }));
         }
         if with(Task::Estimate) {
-            tasks.push(Box::pin(async move { run_estimate(c, start).await }));
+            tasks.push(Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }));
         }
         if with(Task::Publish) {
             tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
         }
         if with(Task::Store) {
             tasks.push(Box::pin(async move {
-                let store =
+                let mut store =
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
                 let rates = KeepParams::new(&KeepConfig::VEHICLE).unwrap();
-                let mut keeper = Keeper::new(Service::new(store, NoKey, None), rates);
-                run_store(c, start, Begin { cause: ResetCause::PowerOn, note: None }, &mut keeper).await;
+                let mut session = Session::new();
+                let begin = Begin { cause: ResetCause::PowerOn, note: None };
+                let mut keeper =
+                    Keeper::new(Service::new(&mut store, &mut session, NoKey, None), rates, begin);
+                run_store(c, start, &mut keeper).await;
             }));
         }
         tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));

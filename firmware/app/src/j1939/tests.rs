@@ -34,8 +34,8 @@ fn estimate() -> Estimate {
     }
 }
 
-fn outputs<'a>(estimate: &'a Estimate, faults: &'a FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), faults }
+fn outputs<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
 }
 
 /// Everything that is sent until `until`, polled every 10 ms.
