@@ -25,7 +25,7 @@ use kou_app::sensors::wiring;
 use kou_app::storage::ram::Torn;
 use kou_app::storage::{HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store};
 use kou_app::update::wire::Answer;
-use kou_app::update::{Key, KeySource, Service};
+use kou_app::update::{Key, KeySource, Service, Session};
 use kou_estimator::State;
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::Micros;

@@ -27,7 +27,7 @@ use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{HealthRecord, Life, RamFlash, ResetCause, Store};
-use kou_app::update::{NoKey, Service};
+use kou_app::update::{NoKey, Service, Session};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 use kou_tests::{record_of, reference_calibration};

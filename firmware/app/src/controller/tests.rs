@@ -22,7 +22,7 @@ use crate::sensors::adc::{Counts, Input, NoCounts};
 use crate::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use crate::sensors::wiring;
 use crate::storage::{MIN_BYTES, RamFlash, ResetCause, Store};
-use crate::update::{NoKey, Service};
+use crate::update::{NoKey, Service, Session};
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
@@ -345,22 +345,28 @@ fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn()
 fn a_note_survives_as_it_was_left_and_is_read_once() {
     let mut memory = [0xA5; note::LEN];
     for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
-        note::write(&mut memory, kind, "index out of bounds at src/x.rs:12");
+        note::write(&mut memory, kind, |text| {
+            text.push("index out of bounds at src/x.rs:12");
+        });
         let note = note::take(&mut memory).unwrap();
         assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
         assert_eq!(note::take(&mut memory), None);
     }
     // Too long: cut, and not within a character.
-    let long = vec!["ü"; 200].concat();
-    note::write(&mut memory, Kind::Panic, &long);
+    let long = ["y", &"ü".repeat(200)].concat();
+    note::write(&mut memory, Kind::Panic, |text| {
+        text.push(&long).push("x");
+    });
     let note = note::take(&mut memory).unwrap();
-    assert!(note.text.len() >= note::LEN - 12 && long.starts_with(note.text.as_str()));
+    assert!(note.text.len() >= note::LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
 }
 
 #[test]
 fn every_single_wrong_bit_of_a_note_is_noticed() {
     let mut memory = [0; note::LEN];
-    note::write(&mut memory, Kind::Overdue, "estimate");
+    note::write(&mut memory, Kind::Overdue, |text| {
+        text.push("estimate");
+    });
     for bit in 0..note::LEN * 8 {
         let mut damaged = memory;
         damaged[bit / 8] ^= 1 << (bit % 8);

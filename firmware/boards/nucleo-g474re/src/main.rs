@@ -2,6 +2,7 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`callers`] | who called, for the note that a panic leaves |
 //! | [`can`] | the CAN bus |
 //! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
 //! | [`clocks`] | 170 MHz from the board's crystal |
@@ -13,6 +14,7 @@
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod callers;
 mod can;
 mod clocks;
 mod flash;
@@ -206,7 +208,7 @@ const ADC_CLOCK: Hertz = Hertz(1_000_000);
 fn kept<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
     match place.try_init_with(make) {
         Some(value) => value,
-        None => keeper::stop(format_args!("made twice")),
+        None => keeper::stop("made twice"),
     }
 }
 
@@ -218,7 +220,7 @@ fn shared() -> &'static Shared {
 fn sensors() -> &'static SensorsParams {
     let params = || match SensorsParams::new(&wiring::REFERENCE) {
         Ok(params) => params,
-        Err(_) => keeper::stop(format_args!("wiring")),
+        Err(_) => keeper::stop("wiring"),
     };
     kept(&SENSORS, params)
 }
@@ -241,19 +243,15 @@ fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
 
 #[inline(never)]
 fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
-    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else {
-        keeper::stop(format_args!("name"))
-    };
-    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else {
-        keeper::stop(format_args!("CAN"))
-    };
+    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { keeper::stop("name") };
+    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else { keeper::stop("CAN") };
     kept(&TOLD, || Told { bus: Bus::new(port, Node::new(name, ADDRESS), shared), was_valid: None })
 }
 
 #[inline(never)]
 fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecords {
     let begin = keeper::begin();
-    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop(format_args!("rates")) };
+    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop("rates") };
     let (store, session) = (store(flash), kept(&SESSION, Session::new));
     let service = Service::new(store, session, flash::Provisioned, flash::default_calibration());
     kept(&RECORDS, || Records::new(service, rates, begin))
@@ -263,7 +261,7 @@ fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecord
 fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'static, flash::Mode>> {
     let store = || match flash::store(flash, Irqs) {
         Ok(store) => store,
-        Err(_) => keeper::stop(format_args!("flash is not two banks")),
+        Err(_) => keeper::stop("flash is not two banks"),
     };
     kept(&STORE, store)
 }
@@ -304,6 +302,6 @@ async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(clocks::config());
     defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
     if start(spawner, p).is_err() {
-        keeper::stop(format_args!("task"));
+        keeper::stop("task");
     }
 }
