@@ -16,7 +16,7 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use super::stack::{Program, Reach, Rule};
+use super::stack::{Program, Reach, Rule, frames};
 use super::{Figure, figure};
 
 /// Parts of the names of what an executor polls.
@@ -87,17 +87,11 @@ pub fn ways(elf: &Path) -> Result<String> {
     let executors =
         [("main", None), ("LPUART1", Some(&LOW)), ("UART5", Some(&ESTIMATE)), ("UART4", Some(&SAMPLE))];
     for (name, rule) in executors.into_iter().chain(INTERRUPTS.map(|name| (name, None))) {
-        text += &format!("\n{name}: {} bytes\n", program.depth_by(name, rule)?);
-        text += &frames(&program.way_by(name, rule)?);
+        text += &program.told(name, rule)?;
     }
     text += "\nlargest frames, wherever they are\n";
     text += &frames(&program.largest(LARGEST));
     Ok(text)
-}
-
-fn frames(functions: &[(&str, u32)]) -> String {
-    let line = |(name, frame): &(&str, u32)| format!("{frame:>8}  {:#}\n", rustc_demangle::demangle(name));
-    functions.iter().map(line).collect()
 }
 
 /// Stack of the thread, of the three executors in interrupts, of the other interrupts, all together, and with the static RAM.

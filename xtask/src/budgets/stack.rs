@@ -66,7 +66,7 @@ pub struct Program {
 }
 
 /// The entry points that firmware calls.
-pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
+pub fn estimator_figures(elf: &Path) -> Result<[Figure; 5]> {
     let program = Program::load(elf, &[], &[], &[])?;
     let depth = |name: &str| program.depth_of(name).map(u64::from);
     Ok([
@@ -76,6 +76,12 @@ pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
             "Params::new: stack, static bound",
             "bytes",
             depth("kou_params_new")?,
+        ),
+        figure(
+            "params_replace_stack_bytes",
+            "Params::replace: stack, static bound",
+            "bytes",
+            depth("kou_params_replace")?,
         ),
         figure(
             "record_decode_stack_bytes",
@@ -92,7 +98,23 @@ pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
     ])
 }
 
+/// Entry points of the estimator, as the check that links it alone names them.
+const ENTRY_POINTS: [&str; 5] =
+    ["kou_step", "kou_params_new", "kou_params_replace", "kou_record_decode", "kou_record_encode"];
+
+/// The way on which the stack is deepest from each of the estimator's entry points, for people.
+pub fn estimator_ways(elf: &Path) -> Result<String> {
+    let program = Program::load(elf, &[], &[], &[])?;
+    ENTRY_POINTS.iter().map(|name| program.told(name, None)).collect()
+}
+
 impl Program {
+    /// The way on which a function's stack is deepest, for people: what takes how much.
+    pub fn told(&self, name: &str, first: Option<&Rule>) -> Result<String> {
+        let (depth, way) = (self.depth_by(name, first)?, self.way_by(name, first)?);
+        Ok(format!("\n{name}: {depth} bytes\n{}", frames(&way)))
+    }
+
     /// Reads a linked binary.
     pub fn load(
         elf: &Path,
@@ -259,6 +281,12 @@ impl Program {
         }
         Ok(reached)
     }
+}
+
+/// A line for each function: its frame and its name.
+pub fn frames(functions: &[(&str, u32)]) -> String {
+    let line = |(name, frame): &(&str, u32)| format!("{frame:>8}  {:#}\n", rustc_demangle::demangle(name));
+    functions.iter().map(line).collect()
 }
 
 fn contains_any(name: &str, parts: &[&str]) -> bool {

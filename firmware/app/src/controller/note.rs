@@ -2,7 +2,8 @@
 //!
 //! The board sets [`LEN`] bytes aside in a section without initialisation. Before a reset that the firmware causes, or
 //! expects, [`write()`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
-//! note is believed only with its mark and its CRC-32.
+//! note is believed only with its mark and its CRC-32. While nothing is noted, the memory holds a mark that the firmware runs: where
+//! that is still there after a reset, the memory was never without supply.
 
 use core::fmt;
 
@@ -15,6 +16,8 @@ use crate::storage::ResetCause;
 pub const LEN: usize = 160;
 
 const MARK: [u8; 4] = *b"KOUN";
+/// What the memory begins with while the firmware runs; all that follows is zero.
+const RUNS: [u8; 4] = *b"KOUA";
 /// Offset of the text: mark, CRC, kind, length of the text.
 const HEAD: usize = 10;
 
@@ -79,11 +82,29 @@ pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>
     }
 }
 
-/// Reads the note, if there is one, and wipes it.
+/// Reads the note, if there is one, and wipes it: from here on the firmware runs.
 pub fn take(memory: &mut [u8; LEN]) -> Option<Note> {
     let note = read(memory);
     memory.fill(0);
+    for (byte, mark) in memory.iter_mut().zip(RUNS) {
+        *byte = mark;
+    }
     note
+}
+
+/// Whether the memory still holds what the run before left; to be asked before [`take`].
+#[must_use]
+pub fn has_survived(memory: &[u8; LEN]) -> bool {
+    let runs = memory.split_first_chunk::<4>();
+    runs.is_some_and(|(mark, rest)| *mark == RUNS && rest.iter().all(|byte| *byte == 0))
+        || read(memory).is_some()
+}
+
+/// What a reset by a low supply was. The hardware says the same of a supply that came and of one that fell for a moment; but
+/// memory without supply forgets, within a second or so.
+#[must_use]
+pub const fn supply_reset(has_survived: bool) -> ResetCause {
+    if has_survived { ResetCause::BrownOut } else { ResetCause::PowerOn }
 }
 
 fn read(memory: &[u8; LEN]) -> Option<Note> {

@@ -362,6 +362,22 @@ fn a_note_survives_as_it_was_left_and_is_read_once() {
 }
 
 #[test]
+fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+    let mut memory = [0xA5; note::LEN];
+    assert_eq!(note::supply_reset(note::has_survived(&memory)), ResetCause::PowerOn);
+    assert_eq!(note::take(&mut memory), None);
+    // It runs, and is reset without a note.
+    assert_eq!(note::supply_reset(note::has_survived(&memory)), ResetCause::BrownOut);
+    for bit in 0..note::LEN * 8 {
+        let mut forgetting = memory;
+        forgetting[bit / 8] ^= 1 << (bit % 8);
+        assert!(!note::has_survived(&forgetting), "bit {bit}");
+    }
+    note::write(&mut memory, Kind::Panic, |_| ());
+    assert!(note::has_survived(&memory), "a note has survived as well");
+}
+
+#[test]
 fn every_single_wrong_bit_of_a_note_is_noticed() {
     let mut memory = [0; note::LEN];
     note::write(&mut memory, Kind::Overdue, |text| {
@@ -379,6 +395,7 @@ proptest! {
     fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), note::LEN)) {
         let mut memory = [0; note::LEN];
         memory.copy_from_slice(&bytes);
+        prop_assert!(!note::has_survived(&memory));
         prop_assert_eq!(note::take(&mut memory), None);
     }
 }

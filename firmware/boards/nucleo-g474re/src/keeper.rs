@@ -66,6 +66,7 @@ impl Watchdog for Keeper {
 
 /// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
 pub(crate) fn begin() -> Begin {
+    let (has_survived, note) = with_note(|memory| (note::has_survived(memory), note::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -74,14 +75,13 @@ pub(crate) fn begin() -> Begin {
         ResetCause::Software
     } else if flags.borrstf() {
         // Set at every power-on as well: the supply came through the brown-out threshold.
-        ResetCause::PowerOn
+        note::supply_reset(has_survived)
     } else if flags.pinrstf() {
         ResetCause::Pin
     } else {
         ResetCause::Unknown
     };
     defmt::info!("started by {}", cause);
-    let note = with_note(note::take);
     if let Some(note) = &note {
         defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
     }
