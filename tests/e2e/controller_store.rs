@@ -13,8 +13,8 @@ use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
 use kou_app::controller::note::{self, Note};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, run_estimate,
-    run_publish, run_sample, run_store,
+    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
+    SensorsMemory, run_estimate, run_publish, run_sample, run_store,
 };
 use kou_app::faults::{Code, FaultMemory};
 use kou_app::j1939::node::UPDATE;
@@ -25,7 +25,7 @@ use kou_app::sensors::wiring;
 use kou_app::storage::ram::Torn;
 use kou_app::storage::{HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store};
 use kou_app::update::wire::Answer;
-use kou_app::update::{Key, KeySource, Service};
+use kou_app::update::{Key, KeySource, Service, Session};
 use kou_estimator::State;
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::Micros;
@@ -116,17 +116,23 @@ fn run(
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(Tool { to_send, ..Tool::default() });
     let rates = KeepConfig { health_s: 3, life_s: 4, ..KeepConfig::VEHICLE };
-    let store = Store::new(flash, 0..MIN_BYTES).unwrap();
-    let mut keeper = Keeper::new(Service::new(store, TestKey, default), KeepParams::new(&rates).unwrap());
+    let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), Session::new());
+    let mut keeper = Keeper::new(
+        Service::new(&mut store, &mut session, TestKey, default),
+        KeepParams::new(&rates).unwrap(),
+        begin,
+    );
     let start = Instant::now();
     {
         let (c, params, tool, k) = (&controller, &params, &tool, &mut keeper);
         let node = Node::new(Name::new(&NameConfig::transmission(1)).unwrap(), 0x8C);
         let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 4] = [
-            Box::pin(async move { run_sample(c, start, params, &mut Standstill(busy)).await }),
-            Box::pin(async move { run_estimate(c, start).await }),
+            Box::pin(async move {
+                run_sample(c, start, params, &mut Standstill(busy), &mut SensorsMemory::new()).await
+            }),
+            Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
             Box::pin(async move { run_publish(c, start, &mut Bus::new(Port(tool), node, c)).await }),
-            Box::pin(async move { run_store(c, start, begin, k).await }),
+            Box::pin(async move { run_store(c, start, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
         for _ in 0..ms {

@@ -17,8 +17,8 @@ use host_sim::input::TomlFile;
 use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, Publish, Task,
-    Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
+    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
+    Publish, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::faults::FaultMemory;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
@@ -27,7 +27,7 @@ use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{HealthRecord, Life, RamFlash, ResetCause, Store};
-use kou_app::update::{NoKey, Service};
+use kou_app::update::{NoKey, Service, Session};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 use kou_tests::{record_of, reference_calibration};
@@ -173,25 +173,27 @@ fn drive(minutes: u64) {
     let controller = Controller::<NoopRawMutex>::new();
     let default = record_of(&reference_calibration());
     let flash = RamFlash::<FLASH_LEN, FLASH_PAGE>::new();
-    let store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
+    let mut session = Session::new();
+    let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
     let rates = KeepParams::new(&KeepConfig::VEHICLE).expect("the rates make sense");
-    let mut keeper = Keeper::new(Service::new(store, NoKey, Some(&default)), rates);
     let begin = Begin { cause: ResetCause::PowerOn, note: None };
+    let mut keeper = Keeper::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
     let seen = Seen::default();
     let start = Instant::now();
     let (c, params, s, minute, k) = (&controller, &params, &seen, minute.as_slice(), &mut keeper);
     let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 5] = [
         Box::pin(async move {
-            run_sample(c, start, params, &mut Replay { minute, at: 0, offset: 0 }).await;
+            run_sample(c, start, params, &mut Replay { minute, at: 0, offset: 0 }, &mut SensorsMemory::new())
+                .await;
         }),
-        Box::pin(async move { run_estimate(c, start).await }),
+        Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
         Box::pin(async move {
             let name = Name::new(&NameConfig::transmission(1)).expect("the name is sound");
             let bus = Bus::new(Nobody, Node::new(name, 0x8C), c);
             run_publish(c, start, &mut Told { seen: s, bus }).await;
         }),
-        Box::pin(async move { run_store(c, start, begin, k).await }),
+        Box::pin(async move { run_store(c, start, k).await }),
         Box::pin(async move { run_supervise(c, start, &mut &*s).await }),
     ];
     let mut context = Context::from_waker(Waker::noop());

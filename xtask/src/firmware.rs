@@ -47,6 +47,14 @@ pub fn build_check(workspace: &Workspace, name: &str) -> Result<PathBuf> {
     existing(workspace.firmware_elf(name))
 }
 
+/// The same with the settings of the vehicle's board, whose firmware is built for size.
+pub fn build_check_as_vehicle(workspace: &Workspace, name: &str) -> Result<PathBuf> {
+    for board in workspace.below("firmware/boards").filter(|board| board.name == VEHICLE_BOARD) {
+        on_board(board, &["build", "--release", "-p", name]).check()?;
+    }
+    existing(workspace.firmware_elf(name))
+}
+
 fn existing(elf: PathBuf) -> Result<PathBuf> {
     anyhow::ensure!(
         Path::new(&elf).is_file(),

@@ -24,6 +24,7 @@ Usage: cargo xtask <command>
   demo             the main job: identify a calibration, replay a log on the host and in firmware, compare every bit
   test             everything: format, lints, docs, host tests, firmware builds, QEMU tests, panic paths, budgets
   budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
+  stacks           which functions take the deepest stack: of the estimator, and of the vehicle's firmware by executor
   help             this text";
 
 fn main() -> ExitCode {
@@ -45,6 +46,7 @@ fn run(words: &[&str]) -> Result<ExitCode> {
         ["test"] => return test::run(),
         ["budgets"] => return budgets::run(false),
         ["budgets", "--json"] => return budgets::run(true),
+        ["stacks"] => budgets::stacks()?,
         [] | ["help" | "--help" | "-h"] => println!("{USAGE}"),
         other => bail!("`{}` is not a command of xtask\n\n{USAGE}", other.join(" ")),
     }

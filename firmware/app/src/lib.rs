@@ -7,6 +7,7 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`callers`] | who called, from what lies on the stack |
 //! | [`controller`] | the tasks of the vehicle's controller: sample, estimate, publish, store, supervise |
 //! | [`faults`] | troubles: their codes, and the memory that keeps them |
 //! | [`j1939`] | the controller on the CAN bus |
@@ -31,6 +32,7 @@ extern crate std;
 mod apart;
 mod log;
 
+pub mod callers;
 pub mod controller;
 pub mod faults;
 pub mod j1939;

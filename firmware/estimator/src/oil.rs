@@ -68,11 +68,29 @@ const NODE_AT: [f32; NODES] =
 impl Compression {
     /// Tabulates an oil whose configuration has been checked.
     pub(crate) fn from_checked(oil: &OilConfig) -> Self {
-        let mut octaves = [Octave { air: [0.0; NODES], oil: [0.0; NODES + 1] }; OCTAVES];
+        let mut table = Self::empty(oil);
+        table.tabulate(oil);
+        table
+    }
+
+    /// The same without its table, which is large: to be [tabulated](Self::tabulate) where it will lie.
+    pub(crate) fn empty(oil: &OilConfig) -> Self {
+        Self {
+            octaves: [Octave { air: [0.0; NODES], oil: [0.0; NODES + 1] }; OCTAVES],
+            per_bulk_modulus: 1.0 / oil.bulk_modulus_mpa,
+            bulk_modulus_per_k: oil.bulk_modulus_per_k,
+            reference_c: oil.reference.get(),
+        }
+    }
+
+    /// Fills in the table.
+    // Not inlined: what is worked with would lie on the stack beside what the callers work with.
+    #[inline(never)]
+    pub(crate) fn tabulate(&mut self, oil: &OilConfig) {
         let mut octave_mpa = MIN_PRESSURE_MPA_ABS;
         // h at the lower end of the octave; its zero is of no consequence since only differences are used.
         let mut h_mpa = 0.0;
-        for octave in &mut octaves {
+        for octave in &mut self.octaves {
             let free_air = NODE_AT
                 .map(|s| oil.air_fraction * air_ratio(octave_mpa * (1.5 + s), oil.heat_capacity_ratio));
             octave.air = interpolate(free_air.map(libm::log1pf));
@@ -85,12 +103,6 @@ impl Compression {
             *h0 = from_start;
             h_mpa = horner(&octave.oil, 0.5);
             octave_mpa *= 2.0;
-        }
-        Self {
-            octaves,
-            per_bulk_modulus: 1.0 / oil.bulk_modulus_mpa,
-            bulk_modulus_per_k: oil.bulk_modulus_per_k,
-            reference_c: oil.reference.get(),
         }
     }
 

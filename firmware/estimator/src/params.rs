@@ -29,26 +29,46 @@ impl Params {
     /// # Errors
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
-        check::all(calibration)?;
-        let reduced =
-            ReducedModel::from_checked(calibration.reduced, Compression::from_checked(&calibration.oil));
-        let law = Law::from_checked(calibration.law);
-        let low_pressure = calibration.machine.low_pressure;
-        let (errors, limits) = (calibration.sensor_errors, calibration.limits);
-        let machine =
-            MachineParts { reduced: &reduced, law: &law, errors: &errors, limits: &limits, low_pressure };
-        let health = HealthParams::new(&calibration.health, &machine)?;
-        Ok(Self {
-            reduced,
-            law,
-            region: calibration.region,
-            errors,
-            ranges: calibration.sensor_ranges,
-            limits,
-            output: calibration.machine.output,
-            low_pressure,
+        let mut params = Self::from_checked(calibration, health_of(calibration)?);
+        params.reduced.tabulate(&calibration.oil);
+        Ok(params)
+    }
+
+    /// Checks a calibration and puts its parameters into `place`: without a copy of them on the stack, of which a controller
+    /// has little.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); then nothing is there.
+    pub fn replace(place: &mut Option<Self>, calibration: &Calibration) -> Result<(), CalibrationError> {
+        *place = None;
+        put(place, calibration, health_of(calibration)?);
+        if let Some(params) = place {
+            params.reduced.tabulate(&calibration.oil);
+        }
+        Ok(())
+    }
+
+    /// Checks a calibration as [`new`](Self::new) does, and prepares nothing.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn check(calibration: &Calibration) -> Result<(), CalibrationError> {
+        health_of(calibration).map(|_| ())
+    }
+
+    /// All but the table of compression.
+    fn from_checked(calibration: &Calibration, health: HealthParams) -> Self {
+        Self {
             health,
-        })
+            reduced: ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil)),
+            law: Law::from_checked(calibration.law),
+            region: calibration.region,
+            errors: calibration.sensor_errors,
+            ranges: calibration.sensor_ranges,
+            limits: calibration.limits,
+            output: calibration.machine.output,
+            low_pressure: calibration.machine.low_pressure,
+        }
     }
 
     /// The reduced model.
@@ -86,6 +106,30 @@ impl Params {
     pub fn law(&self) -> &Law {
         &self.law
     }
+}
+
+// Not inlined: while the calibration is checked, nothing of this is needed on the stack.
+#[inline(never)]
+fn put(place: &mut Option<Params>, calibration: &Calibration, health: HealthParams) {
+    *place = Some(Params::from_checked(calibration, health));
+}
+
+/// Everything that is checked; health comes last, since it follows from the other parts.
+// Not inlined: its copies of other parts would lie on the stack beside the parameters that are being made.
+#[inline(never)]
+fn health_of(calibration: &Calibration) -> Result<HealthParams, CalibrationError> {
+    check::all(calibration)?;
+    let mut reduced = ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil));
+    reduced.tabulate(&calibration.oil);
+    let law = Law::from_checked(calibration.law);
+    let machine = MachineParts {
+        reduced: &reduced,
+        law: &law,
+        errors: &calibration.sensor_errors,
+        limits: &calibration.limits,
+        low_pressure: calibration.machine.low_pressure,
+    };
+    HealthParams::new(&calibration.health, &machine)
 }
 
 impl ReducedModel {

@@ -17,7 +17,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::oil::Compression;
+use crate::oil::{Compression, OilConfig};
 use crate::root::square_root;
 use crate::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
@@ -102,6 +102,11 @@ impl ReducedModel {
     /// Prepares a model whose configuration has been checked.
     pub(crate) fn from_checked(config: ReducedConfig, compression: Compression) -> Self {
         Self { config, compression }
+    }
+
+    /// Fills in the table of an [empty](Compression::empty) compression.
+    pub(crate) fn tabulate(&mut self, oil: &OilConfig) {
+        self.compression.tabulate(oil);
     }
 
     /// Sets up the flow balance at an operating point.

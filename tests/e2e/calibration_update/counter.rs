@@ -21,7 +21,7 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     let mut old = record_of(&changed(0.001));
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
-    let loaded = block_on(load(&mut controller.store, Some(&controller.default)));
+    let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
     assert_eq!((loaded.counter, loaded.trouble), (8, Some(Code::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
     controller.refuses(transfer(&old, 9, &key).commands(), Refusal::Record);
@@ -32,10 +32,10 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     // The workshop's way back to the default: the counter stays.
     block_on(controller.store.erase()).unwrap();
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &[] })).unwrap();
-    let loaded = block_on(load(&mut controller.store, Some(&controller.default)));
+    let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
     assert_eq!((loaded.counter, loaded.trouble), (8, None));
     // Nothing at all: nothing to estimate with, and said so by its absence.
-    assert!(block_on(load(&mut controller.store, None)).live.is_none());
+    assert!(block_on(load(&mut controller.store, None, &mut None::<Params>)).live.is_none());
 }
 
 #[test]

@@ -20,8 +20,8 @@ use kou_app::j1939::CalibrationSource;
 use kou_app::storage::{MIN_BYTES, RamFlash, Store, StoredCalibration, load};
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{Guard, Key, KeySource, Machine, Outcome, Refusal, Session, Todo, Transfer};
-use kou_estimator::Calibration;
 use kou_estimator::units::Micros;
+use kou_estimator::{Calibration, Params};
 use kou_tests::samples::Random;
 use kou_tests::{record_of, reference_calibration};
 
@@ -85,7 +85,7 @@ impl Controller {
 
     /// What a restart finds.
     fn start(&mut self) -> CalibrationSource {
-        let loaded = block_on(load(&mut self.store, Some(&self.default)));
+        let loaded = block_on(load(&mut self.store, Some(&self.default), &mut None::<Params>));
         let live = loaded.live.unwrap();
         (self.counter, self.crc, self.machine) = (loaded.counter, live.state.crc, Some(live.machine));
         live.state.source

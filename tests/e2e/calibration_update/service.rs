@@ -1,10 +1,11 @@
 //! Store and session with one owner.
 
 use kou_app::storage::ram::Torn;
-use kou_app::storage::{HealthRecord, Live, UpdateCounter};
+use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{Handled, Service};
 use kou_estimator::calibration::record;
 use kou_estimator::health::HealthState;
+use kou_tests::reference_params;
 
 use super::*;
 
@@ -12,39 +13,44 @@ use super::*;
 fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     let key = TestKey::new(1);
     let default = record_of(&with_serial(reference_calibration(), ""));
-    let store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
-    let mut service = Service::new(store, TestKey::new(1), Some(&default));
-    let mut begun = None;
-    assert_eq!(block_on(service.open(|live| begun = Some(live.state.source))), None);
-    assert_eq!(begun, Some(CalibrationSource::Default));
+    let mut store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+    let mut session = Session::new();
+    let mut service = Service::new(&mut store, &mut session, TestKey::new(1), Some(&default));
+    let mut place = None;
+    let opened = block_on(service.open(&mut place));
+    assert_eq!(
+        (opened.adopted.map(|state| state.source), opened.trouble),
+        (Some(CalibrationSource::Default), None)
+    );
+    assert_eq!(place.as_ref(), Some(&reference_params()));
     let record = record_of(&changed(0.001));
     let send = |service: &mut Service<'_, _, TestKey>, counter: u32, tool_key: &TestKey, loaded: bool| {
-        let (mut last, mut adopted) = (Handled::default(), None);
+        let (mut last, mut place) = (Handled::default(), None);
         for (number, command) in transfer(&record, counter, tool_key).commands().enumerate() {
             let now = Micros(1000 * number as u64);
-            let adopt = |live: Live| adopted = Some(live.state.crc);
-            last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, adopt));
+            last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, &mut place));
             if last.trouble.is_some() {
                 break;
             }
         }
-        (last, adopted)
+        (last, place)
     };
-    let (refused, adopted) = send(&mut service, 1, &TestKey::new(2), false);
+    let (refused, place) = send(&mut service, 1, &TestKey::new(2), false);
     assert_eq!(refused.trouble, Some(Code::UpdateRefused(Refusal::Mac)));
-    assert!(adopted.is_none());
+    assert!(refused.adopted.is_none() && place.is_none());
     assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(Code::UpdateRefused(Refusal::Loaded)));
-    let (taken, adopted) = send(&mut service, 1, &key, false);
+    let (taken, place) = send(&mut service, 1, &key, false);
     let crc = record::crc32(&record[..record.len() - 4]);
     assert_eq!(taken.answer, Some((TOOL, Answer::Committed { crc })));
-    assert_eq!(adopted, Some(crc));
+    assert_eq!(taken.adopted.map(|state| state.crc), Some(crc));
+    assert_eq!(place, Some(Params::new(&changed(0.001)).unwrap()));
     let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
     assert_eq!(kept, Some(UpdateCounter { counter: 1 }));
     assert_eq!(send(&mut service, 1, &key, false).0.trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
     // What is read is what is in use now; learned state only where there is one.
     let read = |service: &mut Service<'_, _, TestKey>, what| {
         let command = Command::Read { what }.to_bytes();
-        block_on(service.receive(Micros(0), TOOL, command, false, drop)).answer.unwrap().1
+        block_on(service.receive(Micros(0), TOOL, command, false, &mut None::<Params>)).answer.unwrap().1
     };
     let length = u16::try_from(record.len()).unwrap();
     assert_eq!(read(&mut service, 1), Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) });
@@ -56,9 +62,9 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a tool that stops reading has read enough");
     // A flash that fails in the middle: refused, nothing given out, nothing more taken until a restart.
     service.store().flash().cut_after(300, Torn::Clean);
-    let (failed, adopted) = send(&mut service, 2, &key, false);
+    let (failed, place) = send(&mut service, 2, &key, false);
     assert_eq!(failed.trouble, Some(Code::UpdateRefused(Refusal::Storage)));
-    assert!(adopted.is_none());
+    assert!(failed.adopted.is_none() && place.is_none());
     service.store().flash().power_on();
     assert_eq!(send(&mut service, 3, &key, false).0.trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
 }
@@ -69,8 +75,9 @@ fn a_counter_record_that_lags_behind_is_put_right_at_the_next_start() {
     let record = record_of(&changed(0.001));
     block_on(store.write(&StoredCalibration { counter: 7, record: &record })).unwrap();
     block_on(store.write(&UpdateCounter { counter: 6 })).unwrap();
-    let mut service = Service::new(store, TestKey::new(1), None);
-    block_on(service.open(drop));
+    let mut session = Session::new();
+    let mut service = Service::new(&mut store, &mut session, TestKey::new(1), None);
+    block_on(service.open(&mut None::<Params>));
     let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
     assert_eq!(kept, Some(UpdateCounter { counter: 7 }));
 }

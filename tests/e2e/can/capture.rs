@@ -75,7 +75,7 @@ fn capture() -> (Capture, Value) {
             estimate: &estimate,
             health: Some(&health),
             calibration: CalibrationState { source: CalibrationSource::Stored, crc },
-            faults: &faults,
+            troubles: faults.troubles(),
         };
         while let Some(frame) = node.poll(now, &outputs) {
             let (message, signals) = meaning(&frame, &outputs, &mut counter);

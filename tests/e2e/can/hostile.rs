@@ -67,8 +67,8 @@ fn hostile(random: &mut Random, genuine: &[Frame], address: u8) -> Frame {
     }
 }
 
-fn quiet<'a>(estimate: &'a Estimate, faults: &'a FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), faults }
+fn quiet<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
 }
 
 #[test]

@@ -18,8 +18,65 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Fewest samples that must have been valid, of a thousand, for the worst step to mean anything.
 const MIN_VALID_PER_MILLE: u64 = 300;
 
-/// Runs the counting firmware and reads what it prints.
+/// A figure's key, what the firmware calls it, and what it is.
+type Named = (&'static str, &'static str, &'static str, &'static str);
+
+/// Of the estimator built for speed.
 pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
+    read(
+        elf,
+        &[
+            ("law_instructions", "law_instructions", "law", "instructions"),
+            (
+                "law_forward_inverse_instructions",
+                "law_forward_inverse_instructions",
+                "law + forward + inverse",
+                "instructions",
+            ),
+            (
+                "step_typical_instructions",
+                "step_typical_instructions",
+                "step, typical sample",
+                "instructions",
+            ),
+            (
+                "step_worst_instructions",
+                "step_worst_instructions",
+                "step, worst of 8000 samples, good and faulty, and of two drives",
+                "instructions",
+            ),
+            ("state_bytes", "state_bytes", "State", "bytes"),
+            ("params_bytes", "params_bytes", "Params", "bytes"),
+            ("sample_bytes", "sample_bytes", "Sample", "bytes"),
+            ("estimate_bytes", "estimate_bytes", "Estimate", "bytes"),
+            ("calibration_bytes", "calibration_bytes", "Calibration", "bytes"),
+        ],
+    )
+}
+
+/// Of the estimator as the vehicle's board has it, whose firmware is built for size.
+pub fn vehicle_figures(elf: &Path) -> Result<Vec<Figure>> {
+    read(
+        elf,
+        &[
+            (
+                "g474_step_typical_instructions",
+                "step_typical_instructions",
+                "G474 firmware: step, typical sample",
+                "instructions",
+            ),
+            (
+                "g474_step_worst_instructions",
+                "step_worst_instructions",
+                "G474 firmware: step, worst of the same samples",
+                "instructions",
+            ),
+        ],
+    )
+}
+
+/// Runs the counting firmware and reads what it prints.
+fn read(elf: &Path, named: &[Named]) -> Result<Vec<Figure>> {
     let words = ["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"];
     let output = Run::new(QEMU, &words)
         .args(["-semihosting-config", "enable=on,target=native", "-icount", INSTRUCTION_CLOCK, "-kernel"])
@@ -39,22 +96,5 @@ pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
         valid * 1000 >= samples * MIN_VALID_PER_MILLE,
         "only {valid} of {samples} samples were valid: the worst step would be that of a refusal"
     );
-    [
-        ("law_instructions", "law", "instructions"),
-        ("law_forward_inverse_instructions", "law + forward + inverse", "instructions"),
-        ("step_typical_instructions", "step, typical sample", "instructions"),
-        (
-            "step_worst_instructions",
-            "step, worst of 8000 samples, good and faulty, and of two drives",
-            "instructions",
-        ),
-        ("state_bytes", "State", "bytes"),
-        ("params_bytes", "Params", "bytes"),
-        ("sample_bytes", "Sample", "bytes"),
-        ("estimate_bytes", "Estimate", "bytes"),
-        ("calibration_bytes", "Calibration", "bytes"),
-    ]
-    .into_iter()
-    .map(|(key, what, unit)| Ok(figure(key, what, unit, value(key)?)))
-    .collect()
+    named.iter().map(|(key, said, what, unit)| Ok(figure(key, what, unit, value(said)?))).collect()
 }

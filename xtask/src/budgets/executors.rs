@@ -16,7 +16,7 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use super::stack::{Program, Reach, Rule};
+use super::stack::{Program, Reach, Rule, frames};
 use super::{Figure, figure};
 
 /// Parts of the names of what an executor polls.
@@ -34,9 +34,17 @@ const RULES: &[Rule] = &[
         of: &["map..Value$GT$14serialize_into"],
         reach: &[Reach::Named("storage..record..Fill$GT$4fill")],
     },
+    Rule { of: &["calibration8prepared"], reach: &[Reach::Named("calibration..Place$GT$4make")] },
     Rule { of: &["Channel9write_all"], reach: &[Reach::Named("blocking_write")] },
     Rule {
-        of: &[TASKS, "controller3bus", "FDCAN1_IT0", "RxMode12on_interrupt", "drop_in_place$LT$embassy_sync"],
+        of: &[
+            TASKS,
+            "controller3bus",
+            "FDCAN1_IT0",
+            "RxMode12on_interrupt",
+            "drop_in_place$LT$embassy_sync",
+            "g474re4told",
+        ],
         reach: &[Reach::Named(WAKERS), Reach::Named(CHANNELS)],
     },
     Rule {
@@ -55,11 +63,10 @@ const RULES: &[Rule] = &[
 /// What polls the tasks of an executor in an interrupt: the interrupt's handler, or a function that all such executors share.
 const POLLS: &[&str] = &["UART4", "UART5", "LPUART1", "InterruptExecutor12on_interrupt"];
 const SAMPLE: Rule = Rule { of: POLLS, reach: &[Reach::Calling(TASKS, "AnalogState7observe")] };
-const ESTIMATE: Rule = Rule { of: POLLS, reach: &[Reach::Calling(TASKS, "controller5trust")] };
+const ESTIMATE: Rule = Rule { of: POLLS, reach: &[Reach::Calling(TASKS, "controller8estimate4turn")] };
 const LOW: Rule = Rule {
     of: POLLS,
-    // Supervision calls nothing of its own: it is among the tasks that wait for their turn, the estimate's being one of them.
-    reach: &[Reach::Calling(TASKS, "j19396signal6Signal"), Reach::AnyCalling(TASKS, "Pace4turn")],
+    reach: &[Reach::Calling(TASKS, "j19396signal6Signal"), Reach::Calling(TASKS, "Supervisor4look")],
 };
 
 /// From here on nothing returns.
@@ -68,12 +75,28 @@ const ENDS: &[&str] =
 
 /// Exception frame with the floating-point registers, and its alignment.
 const FRAME: u32 = 26 * 4 + 4;
+/// How many of the largest frames are told.
+const LARGEST: usize = 40;
 /// Interrupts that are no executor's.
 const INTERRUPTS: [&str; 6] = ["TIM2", "TIM5", "DMA1_CHANNEL1", "DMA1_CHANNEL2", "FDCAN1_IT0", "FDCAN1_IT1"];
 
+/// The way on which each executor's stack is deepest, for people: what takes how much.
+pub fn ways(elf: &Path) -> Result<String> {
+    let program = Program::load(elf, RULES, ENDS, &[TASKS])?;
+    let mut text = String::new();
+    let executors =
+        [("main", None), ("LPUART1", Some(&LOW)), ("UART5", Some(&ESTIMATE)), ("UART4", Some(&SAMPLE))];
+    for (name, rule) in executors.into_iter().chain(INTERRUPTS.map(|name| (name, None))) {
+        text += &program.told(name, rule)?;
+    }
+    text += "\nlargest frames, wherever they are\n";
+    text += &frames(&program.largest(LARGEST));
+    Ok(text)
+}
+
 /// Stack of the thread, of the three executors in interrupts, of the other interrupts, all together, and with the static RAM.
 pub fn figures(elf: &Path, static_ram: u64) -> Result<[Figure; 7]> {
-    let program = Program::load(elf, RULES, ENDS)?;
+    let program = Program::load(elf, RULES, ENDS, &[TASKS])?;
     let thread = program.depth_of("main")?;
     let estimate = program.depth_by("UART5", Some(&ESTIMATE))?;
     let sample = program.depth_by("UART4", Some(&SAMPLE))?;

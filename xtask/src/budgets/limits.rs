@@ -76,10 +76,19 @@ mod tests {
     use crate::budgets::figure;
 
     #[test]
-    fn committed_limits_are_readable_and_hold_the_two_promised_ones() {
+    fn committed_limits_hold_what_the_project_promises() {
         let limits = Limits::load().unwrap();
-        assert_eq!(limits.of("law_instructions"), Some(40));
-        assert_eq!(limits.of("law_forward_inverse_instructions"), Some(300));
+        for (key, promised) in [
+            ("law_instructions", 40),
+            ("law_forward_inverse_instructions", 300),
+            ("step_worst_instructions", 1500),
+            ("state_bytes", 1024),
+            ("g474_flash_bytes", 128 * 1024),
+            ("g474_ram_and_stack_bytes", 24 * 1024),
+        ] {
+            let limit = limits.of(key).unwrap_or(u64::MAX);
+            assert!(limit <= promised, "`{key}` may be {limit}, but {promised} is promised");
+        }
     }
 
     #[test]

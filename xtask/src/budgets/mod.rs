@@ -18,6 +18,9 @@ use crate::{firmware, setup};
 
 pub use limits::Limits;
 
+/// What counts instructions.
+const COUNTING: &str = "kou-check-instructions";
+
 /// The estimator alone, linked by the panic-path check.
 const ESTIMATOR_ONLY: &str = "kou-check-panic-never";
 
@@ -57,6 +60,15 @@ pub fn run(as_json: bool) -> Result<ExitCode> {
     Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Prints where the stacks of the estimator alone and of the vehicle's firmware are deepest.
+pub fn stacks() -> Result<()> {
+    setup::run()?;
+    let workspace = Workspace::load()?;
+    print!("{}", stack::estimator_ways(&firmware::build_check(&workspace, ESTIMATOR_ONLY)?)?);
+    print!("{}", executors::ways(&firmware::build_for(&workspace, firmware::VEHICLE_BOARD)?)?);
+    Ok(())
+}
+
 /// Measures, prints, and returns every complaint: none when all is within its limits.
 pub fn complaints(workspace: &Workspace) -> Result<Vec<String>> {
     let limits = Limits::load()?;
@@ -84,7 +96,9 @@ fn judged(workspace: &Workspace, limits: &Limits) -> (Vec<Figure>, Vec<String>) 
 }
 
 fn counted(workspace: &Workspace) -> Result<Vec<Figure>> {
-    count::figures(&firmware::build_check(workspace, "kou-check-instructions")?)
+    let mut figures = count::figures(&firmware::build_check(workspace, COUNTING)?)?;
+    figures.extend(count::vehicle_figures(&firmware::build_check_as_vehicle(workspace, COUNTING)?)?);
+    Ok(figures)
 }
 
 /// Of the estimator linked alone.

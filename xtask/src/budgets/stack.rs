@@ -30,6 +30,13 @@ struct Function {
     unbounded: Option<&'static str>,
 }
 
+/// How deep the stack gets from a function on, and by which of its calls.
+#[derive(Debug, Clone, Copy)]
+struct Deepest {
+    depth: u32,
+    next: Option<u32>,
+}
+
 /// Where calls through registers lead, by parts of the linker's names.
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
@@ -46,8 +53,6 @@ pub enum Reach {
     Named(&'static str),
     /// Those of them that call one whose name has the other part; there must be exactly one.
     Calling(&'static str, &'static str),
-    /// Those of them that call one whose name has the other part; there may be several.
-    AnyCalling(&'static str, &'static str),
 }
 
 /// All functions by address.
@@ -56,11 +61,13 @@ pub struct Program {
     rules: &'static [Rule],
     /// Functions, by parts of their names, that end the program and are not counted.
     ends: &'static [&'static str],
+    /// Functions, by parts of their names, whose address is handed on to be called by somebody else: only rules lead to them.
+    handed_on: &'static [&'static str],
 }
 
 /// The entry points that firmware calls.
-pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
-    let program = Program::load(elf, &[], &[])?;
+pub fn estimator_figures(elf: &Path) -> Result<[Figure; 5]> {
+    let program = Program::load(elf, &[], &[], &[])?;
     let depth = |name: &str| program.depth_of(name).map(u64::from);
     Ok([
         figure("step_stack_bytes", "step: stack, static bound", "bytes", depth("kou_step")?),
@@ -69,6 +76,12 @@ pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
             "Params::new: stack, static bound",
             "bytes",
             depth("kou_params_new")?,
+        ),
+        figure(
+            "params_replace_stack_bytes",
+            "Params::replace: stack, static bound",
+            "bytes",
+            depth("kou_params_replace")?,
         ),
         figure(
             "record_decode_stack_bytes",
@@ -85,12 +98,33 @@ pub fn estimator_figures(elf: &Path) -> Result<[Figure; 4]> {
     ])
 }
 
+/// Entry points of the estimator, as the check that links it alone names them.
+const ENTRY_POINTS: [&str; 5] =
+    ["kou_step", "kou_params_new", "kou_params_replace", "kou_record_decode", "kou_record_encode"];
+
+/// The way on which the stack is deepest from each of the estimator's entry points, for people.
+pub fn estimator_ways(elf: &Path) -> Result<String> {
+    let program = Program::load(elf, &[], &[], &[])?;
+    ENTRY_POINTS.iter().map(|name| program.told(name, None)).collect()
+}
+
 impl Program {
+    /// The way on which a function's stack is deepest, for people: what takes how much.
+    pub fn told(&self, name: &str, first: Option<&Rule>) -> Result<String> {
+        let (depth, way) = (self.depth_by(name, first)?, self.way_by(name, first)?);
+        Ok(format!("\n{name}: {depth} bytes\n{}", frames(&way)))
+    }
+
     /// Reads a linked binary.
-    pub fn load(elf: &Path, rules: &'static [Rule], ends: &'static [&'static str]) -> Result<Self> {
+    pub fn load(
+        elf: &Path,
+        rules: &'static [Rule],
+        ends: &'static [&'static str],
+        handed_on: &'static [&'static str],
+    ) -> Result<Self> {
         let bytes = std::fs::read(elf).with_context(|| format!("reading {}", elf.display()))?;
         let functions = Self::read(&bytes).with_context(|| format!("reading {}", elf.display()))?;
-        Ok(Self { functions, rules, ends })
+        Ok(Self { functions, rules, ends, handed_on })
     }
 
     fn read(bytes: &[u8]) -> Result<BTreeMap<u32, Function>> {
@@ -130,13 +164,49 @@ impl Program {
 
     /// The same where a rule comes before all others.
     pub fn depth_by(&self, name: &str, first: Option<&Rule>) -> Result<u32> {
+        Ok(self.known_from(name, first)?.1.depth)
+    }
+
+    /// The way on which a function's stack is deepest: each function's name and frame.
+    pub fn way_by(&self, name: &str, first: Option<&Rule>) -> Result<Vec<(&str, u32)>> {
+        let (known, mut deepest) = self.known_from(name, first)?;
+        let mut way = Vec::new();
+        let (mut at, _) = self.start_of(name)?;
+        while let Some(function) = self.functions.get(&at) {
+            way.push((function.name.as_str(), function.frame));
+            match deepest.next {
+                Some(next) => (at, deepest) = (next, *known.get(&next).context("a way that was not walked")?),
+                None => break,
+            }
+        }
+        Ok(way)
+    }
+
+    /// The functions with the largest frames of their own, largest first.
+    pub fn largest(&self, count: usize) -> Vec<(&str, u32)> {
+        let mut all: Vec<_> =
+            self.functions.values().map(|function| (function.name.as_str(), function.frame)).collect();
+        all.sort_by_key(|(_, frame)| std::cmp::Reverse(*frame));
+        all.truncate(count);
+        all
+    }
+
+    fn start_of(&self, name: &str) -> Result<(u32, &Function)> {
         let found = self.functions.iter().find(|(_, function)| function.name == name);
-        let (start, _) = found.with_context(|| format!("the binary has no function `{name}`"))?;
+        found
+            .map(|(at, function)| (*at, function))
+            .with_context(|| format!("the binary has no function `{name}`"))
+    }
+
+    fn known_from(&self, name: &str, first: Option<&Rule>) -> Result<(BTreeMap<u32, Deepest>, Deepest)> {
+        let (start, _) = self.start_of(name)?;
         let mut path = Vec::new();
-        self.depth(*start, first, &mut path, &mut BTreeMap::new()).with_context(|| {
+        let mut known = BTreeMap::new();
+        let deepest = self.depth(start, first, &mut path, &mut known).with_context(|| {
             let names = path.iter().filter_map(|at| Some(self.functions.get(at)?.name.as_str()));
             format!("on the way {}", names.collect::<Vec<_>>().join(" > "))
-        })
+        })?;
+        Ok((known, deepest))
     }
 
     fn depth(
@@ -144,16 +214,16 @@ impl Program {
         at: u32,
         first: Option<&Rule>,
         path: &mut Vec<u32>,
-        known: &mut BTreeMap<u32, u32>,
-    ) -> Result<u32> {
-        if let Some(depth) = known.get(&at) {
-            return Ok(*depth);
+        known: &mut BTreeMap<u32, Deepest>,
+    ) -> Result<Deepest> {
+        if let Some(deepest) = known.get(&at) {
+            return Ok(*deepest);
         }
         let Some(function) = self.functions.get(&at) else {
             bail!("a branch to {at:#x} leads to no known function; stack depth has no bound")
         };
         if contains_any(&function.name, self.ends) {
-            return Ok(0);
+            return Ok(Deepest { depth: 0, next: None });
         }
         if let Some(why) = function.unbounded {
             bail!("`{}` {why}; stack depth has no bound", function.name);
@@ -162,14 +232,17 @@ impl Program {
             bail!("`{}` calls itself; stack depth has no bound", function.name);
         }
         path.push(at);
-        let mut deepest = 0;
+        let mut deepest = Deepest { depth: 0, next: None };
         for call in function.calls.iter().copied().chain(self.reached_from(function, first)?) {
-            deepest = deepest.max(self.depth(call, first, path, known)?);
+            let depth = self.depth(call, first, path, known)?.depth;
+            if depth > deepest.depth {
+                deepest = Deepest { depth, next: Some(call) };
+            }
         }
         path.pop();
-        let depth = function.frame + deepest;
-        known.insert(at, depth);
-        Ok(depth)
+        deepest.depth += function.frame;
+        known.insert(at, deepest);
+        Ok(deepest)
     }
 }
 
@@ -184,18 +257,19 @@ impl Program {
         if !function.indirect {
             return Ok(Vec::new());
         }
-        let mut reached: Vec<u32> =
-            function.held.iter().copied().filter(|at| self.functions.contains_key(at)).collect();
+        let is_called =
+            |at: &u32| self.functions.get(at).is_some_and(|held| !contains_any(&held.name, self.handed_on));
+        let mut reached: Vec<u32> = function.held.iter().copied().filter(is_called).collect();
         let rule = first.into_iter().chain(self.rules).find(|rule| contains_any(&function.name, rule.of));
         if rule.is_none() && reached.is_empty() {
             bail!("`{}` calls through a register; stack depth has no bound", function.name)
         }
         for reach in rule.map_or(&[][..], |rule| rule.reach) {
-            let (Reach::Named(part) | Reach::Calling(part, _) | Reach::AnyCalling(part, _)) = reach;
+            let (Reach::Named(part) | Reach::Calling(part, _)) = reach;
             let named = self.functions.iter().filter(|(_, other)| other.name.contains(part));
             let found: Vec<u32> = match reach {
                 Reach::Named(_) => named.map(|(at, _)| *at).collect(),
-                Reach::Calling(_, what) | Reach::AnyCalling(_, what) => {
+                Reach::Calling(_, what) => {
                     named.filter(|(_, other)| self.calls(other, what)).map(|(at, _)| *at).collect()
                 }
             };
@@ -207,6 +281,12 @@ impl Program {
         }
         Ok(reached)
     }
+}
+
+/// A line for each function: its frame and its name.
+pub fn frames(functions: &[(&str, u32)]) -> String {
+    let line = |(name, frame): &(&str, u32)| format!("{frame:>8}  {:#}\n", rustc_demangle::demangle(name));
+    functions.iter().map(line).collect()
 }
 
 fn contains_any(name: &str, parts: &[&str]) -> bool {
@@ -257,7 +337,7 @@ mod tests {
             let calls = calls.iter().copied().collect();
             (*at, Function { name: format!("f{at}"), frame: *frame, calls, ..Function::default() })
         });
-        Program { functions: functions.collect(), rules: &[], ends: &[] }
+        Program { functions: functions.collect(), rules: &[], ends: &[], handed_on: &[] }
     }
 
     #[test]
@@ -289,6 +369,30 @@ mod tests {
         assert_eq!(p.depth_of("f0").unwrap(), 158);
         p.rules = &[Rule { of: &["f0"], reach: &[Reach::Named("gone")] }];
         assert!(p.depth_of("f0").unwrap_err().root_cause().to_string().contains("gone"));
+    }
+
+    #[test]
+    fn addresses_among_constants_count_as_called_but_those_that_are_handed_on() {
+        let mut p = program(&[(0, 8, &[]), (10, 100, &[]), (20, 50, &[])]);
+        p.functions.get_mut(&0).unwrap().held = BTreeSet::from([10, 20, 99]);
+        assert_eq!(p.depth_of("f0").unwrap(), 8, "constants of a function that makes no such calls are data");
+        p.functions.get_mut(&0).unwrap().indirect = true;
+        assert_eq!(p.depth_of("f0").unwrap(), 108, "what is no function's address is data");
+        p.handed_on = &["f10"];
+        assert_eq!(p.depth_of("f0").unwrap(), 58);
+        // A call from memory beside them needs its rule, which comes on top.
+        p.rules = &[Rule { of: &["f0"], reach: &[Reach::Named("f10")] }];
+        assert_eq!(p.depth_of("f0").unwrap(), 108);
+        p.rules = &[];
+        p.handed_on = &["f"];
+        assert!(p.depth_of("f0").unwrap_err().root_cause().to_string().contains("through a register"));
+    }
+
+    #[test]
+    fn the_deepest_way_is_told_function_by_function() {
+        let p = program(&[(0, 8, &[10, 20]), (10, 100, &[]), (20, 16, &[30]), (30, 96, &[])]);
+        assert_eq!(p.way_by("f0", None).unwrap(), [("f0", 8), ("f20", 16), ("f30", 96)]);
+        assert_eq!(p.largest(2), [("f10", 100), ("f30", 96)]);
     }
 
     #[test]

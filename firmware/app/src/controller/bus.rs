@@ -166,13 +166,11 @@ impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
         }
         // Without any estimate there is none that is valid: told as of readings that have not come.
         let missing = Estimate::invalid(now, Reason::Sensor(Channel::PumpSpeed, Fault::Missing));
-        // A copy, because making a list of troubles takes longer than other tasks may be locked out.
-        let faults = self.controller.faults(|faults| faults.clone());
         let outputs = Outputs {
             estimate: estimate.as_ref().unwrap_or(&missing),
             health: estimate.as_ref().ok().map(|estimate| &estimate.health),
             calibration: self.controller.calibration().unwrap_or_default(),
-            faults: &faults,
+            troubles: self.controller.faults(|faults| faults.troubles()),
         };
         for _ in 0..MAX_OUT {
             let Some(frame) = self.node.poll(now, &outputs) else { break };

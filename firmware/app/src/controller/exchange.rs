@@ -1,119 +1,166 @@
 //! What passes between the tasks `store` and `estimate`: parameters and learned health one way, learned health the other.
 //!
-//! One place for one thing, because each is large. `store` begins every exchange and may put something newer in the place of
-//! what still lies there; `estimate` looks at each of its turns, so nothing lies for longer than one. The lock is held for
-//! a copy of a kilobyte at most.
+//! One place for one thing, because each is large, and each is made where it lies: a copy on its way would take the stack that the
+//! place saves. `store` begins every exchange and may put something newer in the place of what still lies there; `estimate` looks
+//! at each of its turns, never waits, and takes what is for it by exchanging contents. While `store` works at the place,
+//! `estimate` passes by; nobody else is held up.
 
-use core::cell::RefCell;
-
-use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use kou_estimator::calibration::check::CalibrationError;
 use kou_estimator::health::HealthState;
-use kou_estimator::{Params, State};
+use kou_estimator::{Calibration, Params, State};
 
 use super::trust::Trust;
+use crate::faults::FaultMemory;
 use crate::j1939::CalibrationState;
-use crate::storage::HealthRecord;
+use crate::storage::{HealthRecord, Place};
 
 /// What lies there.
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to box anything")]
-enum Slot {
+pub(super) enum Slot {
     /// Nothing.
     Empty,
-    /// For `estimate`: to be taken into use between two samples.
-    Calibration(Params, CalibrationState),
+    /// Parameters: being made, until it is said of what calibration; then for `estimate`, to be taken into use between two samples.
+    Calibration(Option<Params>, Option<CalibrationState>),
     /// For `estimate`: what was learned with the calibration in use, in an earlier run.
     Learned(HealthState),
-    /// For `estimate`: `store` asks for what has been learned.
-    Asked,
-    /// For `store`: what has been learned.
-    Told(HealthRecord),
+    /// For `estimate`, to be filled with what has been learned; then for `store`.
+    Asked {
+        /// What has been learned, once it is told.
+        record: HealthRecord,
+        /// Whether it is.
+        is_told: bool,
+    },
+    /// Of `store` alone: the fault memory while it is written. It has nothing to do with `estimate`, but needs a place for a moment.
+    Faults(FaultMemory),
+}
+
+impl Slot {
+    /// Asks for what has been learned.
+    // Not inlined: what is put here would lie in a task's memory for good.
+    #[inline(never)]
+    pub fn ask(&mut self) {
+        let record = HealthRecord { calibration_crc: 0, state: HealthState::new() };
+        *self = Self::Asked { record, is_told: false };
+    }
+
+    /// Hands over what was learned in an earlier run.
+    #[inline(never)]
+    pub fn learned(&mut self, health: &HealthState) {
+        *self = Self::Learned(health.clone());
+    }
+
+    /// The parameters made here are those of this calibration, and to be taken into use.
+    pub fn hand_over(&mut self, calibration: CalibrationState) {
+        if let Self::Calibration(_, state) = self {
+            *state = Some(calibration);
+        }
+    }
+
+    /// The parameters, where any were made.
+    pub fn params(&self) -> Option<&Params> {
+        match self {
+            Self::Calibration(params, _) => params.as_ref(),
+            _ => None,
+        }
+    }
+}
+
+impl Place for Slot {
+    fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
+        *self = Self::Calibration(None, None);
+        if let Self::Calibration(place, _) = self {
+            place.make(calibration)?;
+        }
+        Ok(())
+    }
 }
 
 /// The place.
-pub struct Exchange<M: RawMutex>(Mutex<M, RefCell<Slot>>);
+pub struct Exchange<M: RawMutex>(Mutex<M, Slot>);
 
-/// What `estimate` works with.
-pub(super) struct Active {
-    pub params: Params,
-    pub calibration: CalibrationState,
-    pub state: State,
-    pub trust: Trust,
+/// What the task `estimate` works with. It lies outside of the task, which is moved when it is begun.
+pub struct Estimator {
+    pub(super) params: Option<Params>,
+    pub(super) calibration: CalibrationState,
+    pub(super) state: State,
+    pub(super) trust: Trust,
+}
+
+impl Estimator {
+    /// Before the first calibration.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { params: None, calibration: CalibrationState::NONE, state: State::new(), trust: Trust::new() }
+    }
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl<M: RawMutex> Exchange<M> {
     pub(super) const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Slot::Empty)))
+        Self(Mutex::new(Slot::Empty))
     }
 
-    /// Puts a calibration there, to be taken into use between two samples, with a state that has learned nothing.
-    pub fn put_calibration(&self, params: Params, state: CalibrationState) {
-        self.put(Slot::Calibration(params, state));
-    }
-
-    /// Puts there what was learned in an earlier run with the calibration in use.
-    pub fn put_learned(&self, state: HealthState) {
-        self.put(Slot::Learned(state));
-    }
-
-    /// Asks for what has been learned; to be [taken](Self::take_told) after `estimate`'s next turn.
-    pub fn ask(&self) {
-        self.put(Slot::Asked);
-    }
-
-    /// Whether what was put there has been taken.
-    pub fn is_free(&self) -> bool {
-        self.0.lock(|slot| matches!(*slot.borrow(), Slot::Empty))
-    }
-
-    /// What has been learned, when it was asked for.
-    pub fn take_told(&self) -> Option<HealthRecord> {
-        self.0.lock(|slot| {
-            let mut slot = slot.borrow_mut();
-            match core::mem::replace(&mut *slot, Slot::Empty) {
-                Slot::Told(record) => Some(record),
-                other => {
-                    *slot = other;
-                    None
-                }
-            }
-        })
-    }
-
-    fn put(&self, new: Slot) {
-        self.0.lock(|slot| *slot.borrow_mut() = new);
+    /// The place, for `store` to work at. Waits for no longer than a turn of `estimate`.
+    pub(super) async fn lock(&self) -> MutexGuard<'_, M, Slot> {
+        self.0.lock().await
     }
 
     /// The turn of `estimate`: takes what is for it, and answers. True when the calibration has changed.
-    pub(super) fn serve(&self, active: &mut Option<Active>) -> bool {
-        self.0.lock(|slot| {
-            let mut slot = slot.borrow_mut();
-            match core::mem::replace(&mut *slot, Slot::Empty) {
-                Slot::Empty => false,
-                Slot::Calibration(params, calibration) => {
-                    // The state belongs to the old calibration and goes with it.
-                    *active = Some(Active { params, calibration, state: State::new(), trust: Trust::new() });
-                    true
+    pub(super) fn serve(&self, estimator: &mut Estimator) -> bool {
+        let Ok(mut slot) = self.0.try_lock() else { return false };
+        match &mut *slot {
+            // Not complete, or not for this task.
+            Slot::Empty | Slot::Calibration(_, None) | Slot::Faults(_) => {}
+            Slot::Calibration(params, Some(calibration)) => {
+                core::mem::swap(&mut estimator.params, params);
+                estimator.calibration = *calibration;
+                // The state belongs to the old calibration and goes with it.
+                estimator.begin_anew();
+                *slot = Slot::Empty;
+                return true;
+            }
+            Slot::Learned(health) => {
+                if estimator.params.is_some() {
+                    estimator.go_on_with(health);
                 }
-                Slot::Learned(health) => {
-                    if let Some(active) = active {
-                        active.state = State::with_health(health);
-                        active.trust = Trust::new();
-                    }
-                    false
-                }
-                Slot::Asked => {
-                    if let Some(Active { calibration, state, .. }) = active {
-                        let state = state.health().clone();
-                        *slot = Slot::Told(HealthRecord { calibration_crc: calibration.crc, state });
-                    }
-                    false
-                }
-                told @ Slot::Told(_) => {
-                    *slot = told;
-                    false
+                *slot = Slot::Empty;
+            }
+            Slot::Asked { record, is_told } if estimator.params.is_some() => {
+                if !*is_told {
+                    estimator.tell(record);
+                    *is_told = true;
                 }
             }
-        })
+            Slot::Asked { .. } => *slot = Slot::Empty,
+        }
+        false
+    }
+}
+
+// Not inlined, each of them: what one copies would lie on the stack beside what the others do.
+impl Estimator {
+    #[inline(never)]
+    fn begin_anew(&mut self) {
+        self.state = State::new();
+        self.trust = Trust::new();
+    }
+
+    #[inline(never)]
+    fn go_on_with(&mut self, health: &HealthState) {
+        self.state = State::with_health(health.clone());
+        self.trust = Trust::new();
+    }
+
+    #[inline(never)]
+    fn tell(&self, record: &mut HealthRecord) {
+        record.calibration_crc = self.calibration.crc;
+        record.state.clone_from(self.state.health());
     }
 }

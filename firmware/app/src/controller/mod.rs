@@ -46,11 +46,11 @@ mod vital;
 
 pub use bus::{Bus, CanPort};
 pub use estimate::run_estimate;
-pub use exchange::Exchange;
+pub use exchange::{Estimator, Exchange};
 pub use keep::{KeepConfig, KeepError, KeepParams};
 pub use pace::Pace;
 pub use publish::{Publish, run_publish};
-pub use sample::{EdgeTimer, FrontEnd, Sampler, run_sample};
+pub use sample::{EdgeTimer, FrontEnd, Sampler, SensorsMemory, run_sample};
 pub use store::{Begin, Keeper, run_store};
 pub use supervise::{Supervisor, Task, Watchdog, run_supervise};
 pub use vital::{Vital, Vitals, VitalsRead};

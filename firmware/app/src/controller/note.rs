@@ -2,9 +2,10 @@
 //!
 //! The board sets [`LEN`] bytes aside in a section without initialisation. Before a reset that the firmware causes, or
 //! expects, [`write()`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
-//! note is believed only with its mark and its CRC-32.
+//! note is believed only with its mark and its CRC-32. While nothing is noted, the memory holds a mark that the firmware runs: where
+//! that is still there after a reset, the memory was never without supply.
 
-use core::fmt::{self, Write};
+use core::fmt;
 
 use kou_estimator::calibration::record::crc32;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ use crate::storage::ResetCause;
 pub const LEN: usize = 160;
 
 const MARK: [u8; 4] = *b"KOUN";
+/// What the memory begins with while the firmware runs; all that follows is zero.
+const RUNS: [u8; 4] = *b"KOUA";
 /// Offset of the text: mark, CRC, kind, length of the text.
 const HEAD: usize = 10;
 
@@ -59,16 +62,15 @@ pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
     }
 }
 
-/// Leaves a note. Longer texts are cut at a whole character.
-// Not inlined: formatting has no bound of stack that can be proven, and what comes after a note is a reset.
+/// Leaves a note; `tell` gives the text.
+// Not inlined: the proof of the stacks knows it by its name, since what comes after a note is a reset.
 #[inline(never)]
-pub fn write(memory: &mut [u8; LEN], kind: Kind, text: impl fmt::Display) {
+pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>)) {
     memory.fill(0);
     let (head, body) = memory.split_at_mut(HEAD);
-    let mut cut = Cut { body, used: 0 };
-    // Writing ends early where there is no more room: that is the cut.
-    write!(cut, "{text}").ok();
-    let used = u8::try_from(cut.used).unwrap_or(0);
+    let mut text = Text { body, used: 0 };
+    tell(&mut text);
+    let used = u8::try_from(text.used).unwrap_or(0);
     let kind = Kind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
     if let [.., kind_byte, length] = head {
         (*kind_byte, *length) = (kind.unwrap_or(0), used);
@@ -80,11 +82,29 @@ pub fn write(memory: &mut [u8; LEN], kind: Kind, text: impl fmt::Display) {
     }
 }
 
-/// Reads the note, if there is one, and wipes it.
+/// Reads the note, if there is one, and wipes it: from here on the firmware runs.
 pub fn take(memory: &mut [u8; LEN]) -> Option<Note> {
     let note = read(memory);
     memory.fill(0);
+    for (byte, mark) in memory.iter_mut().zip(RUNS) {
+        *byte = mark;
+    }
     note
+}
+
+/// Whether the memory still holds what the run before left; to be asked before [`take`].
+#[must_use]
+pub fn has_survived(memory: &[u8; LEN]) -> bool {
+    let runs = memory.split_first_chunk::<4>();
+    runs.is_some_and(|(mark, rest)| *mark == RUNS && rest.iter().all(|byte| *byte == 0))
+        || read(memory).is_some()
+}
+
+/// What a reset by a low supply was. The hardware says the same of a supply that came and of one that fell for a moment; but
+/// memory without supply forgets, within a second or so.
+#[must_use]
+pub const fn supply_reset(has_survived: bool) -> ResetCause {
+    if has_survived { ResetCause::BrownOut } else { ResetCause::PowerOn }
 }
 
 fn read(memory: &[u8; LEN]) -> Option<Note> {
@@ -98,21 +118,46 @@ fn read(memory: &[u8; LEN]) -> Option<Note> {
     Some(Note { kind: *Kind::ALL.get(usize::from(kind))?, text: heapless::String::try_from(text).ok()? })
 }
 
-struct Cut<'a> {
+/// The text of a note; what has no room is cut at a whole character. It can be formatted into ([`fmt::Write`]), but a board with
+/// little flash had better not: formatting takes kilobytes.
+#[derive(Debug)]
+pub struct Text<'a> {
     body: &'a mut [u8],
     used: usize,
 }
 
-impl Write for Cut<'_> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
+impl Text<'_> {
+    /// Adds a text.
+    pub fn push(&mut self, text: &str) -> &mut Self {
         for character in text.chars() {
             let mut bytes = [0; 4];
             let bytes = character.encode_utf8(&mut bytes).as_bytes();
             let end = self.used.saturating_add(bytes.len());
-            let Some(room) = self.body.get_mut(self.used..end) else { return Err(fmt::Error) };
+            let Some(room) = self.body.get_mut(self.used..end) else {
+                // Nothing behind the cut, or it would seem to follow what is before it.
+                self.body = &mut [];
+                break;
+            };
             room.copy_from_slice(bytes);
             self.used = end;
         }
+        self
+    }
+
+    /// Adds eight hexadecimal digits.
+    pub fn push_hex(&mut self, number: u32) -> &mut Self {
+        for place in (0..8).rev() {
+            let digit = (number >> (4 * place)) & 0xF;
+            let digit = char::from_digit(digit, 16).unwrap_or('?');
+            self.push(digit.encode_utf8(&mut [0; 4]));
+        }
+        self
+    }
+}
+
+impl fmt::Write for Text<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.push(text);
         Ok(())
     }
 }

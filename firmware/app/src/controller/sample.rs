@@ -50,6 +50,27 @@ impl<A: Adc, T: EdgeTimer> FrontEnd for Sampler<A, T> {
     }
 }
 
+/// What the task remembers. It lies outside of the task, which is moved when it is begun.
+#[derive(Debug)]
+pub struct SensorsMemory {
+    state: SensorsState,
+    inputs: Inputs,
+}
+
+impl SensorsMemory {
+    /// Before the first millisecond.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { state: SensorsState::new(), inputs: Inputs::new() }
+    }
+}
+
+impl Default for SensorsMemory {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// Turns of this task for one of `estimate`.
 const TURNS: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
 
@@ -59,24 +80,19 @@ pub async fn run_sample<M: RawMutex>(
     start: Instant,
     params: &SensorsParams,
     front_end: &mut impl FrontEnd,
+    memory: &mut SensorsMemory,
 ) -> ! {
     let mut pace = Pace::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
-    let mut state = SensorsState::new();
-    let mut inputs = Inputs::new();
+    let SensorsMemory { state, inputs } = memory;
     let mut turn: u64 = 0;
     let mut faulty = false;
     loop {
         pace.turn().await;
-        front_end.read(params.inputs(), &mut inputs).await;
-        state.observe(params, now(), &inputs);
+        front_end.read(params.inputs(), inputs).await;
+        state.observe(params, now(), inputs);
         turn = turn.wrapping_add(1);
         if turn.is_multiple_of(TURNS) {
-            let sample = state.sample(params, &controller.oil_heard());
-            controller.set_sample(sample);
-            let faults = sample.pump_speed.value.is_err()
-                || sample.motor_speed.value.is_err()
-                || sample.high_pressure.value.is_err()
-                || sample.oil_temperature.value.is_err();
+            let faults = put_together(controller, params, state);
             if faults != faulty {
                 // Which one, and how, is logged as a trouble.
                 warning!("sensors failed: {=bool}", faults);
@@ -84,4 +100,20 @@ pub async fn run_sample<M: RawMutex>(
             }
         }
     }
+}
+
+/// Makes the sample for `estimate`; whether a sensor has failed that it cannot do without.
+// Not inlined: a sample would lie in the task's memory for good.
+#[inline(never)]
+fn put_together<M: RawMutex>(
+    controller: &Controller<M>,
+    params: &SensorsParams,
+    state: &mut SensorsState,
+) -> bool {
+    let sample = state.sample(params, &controller.oil_heard());
+    controller.set_sample(sample);
+    sample.pump_speed.value.is_err()
+        || sample.motor_speed.value.is_err()
+        || sample.high_pressure.value.is_err()
+        || sample.oil_temperature.value.is_err()
 }

@@ -16,14 +16,15 @@ use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::{Megapascal, Micros};
 
+use super::exchange::Slot;
 use super::keep::{Due, KeepParams, Schedule};
 use super::note::{self, Note};
 use super::{Controller, Pace, STORE_PERIOD, now};
 use crate::apart::apart;
-use crate::faults::Code;
+use crate::faults::{Code, FaultMemory};
 use crate::j1939::CalibrationState;
 use crate::log::{info, warning};
-use crate::storage::{HealthRecord, Kind, Life, Live, Record, ResetCause, StopNote, StoreError};
+use crate::storage::{HealthRecord, Kind, Life, Record, ResetCause, StopNote, StoreError};
 use crate::update::{Handled, KeySource, Service, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
@@ -40,10 +41,13 @@ pub struct Begin {
     pub note: Option<Note>,
 }
 
-/// The owner of everything that is kept.
+/// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
 pub struct Keeper<'d, F: NorFlash, K> {
     service: Service<'d, F, K>,
     schedule: Schedule,
+    cause: ResetCause,
+    /// What the run before left.
+    stop: Option<StopNote>,
     /// Hours and starts as they were at the start of this run.
     life: Life,
     least_difference: Megapascal,
@@ -55,10 +59,12 @@ pub struct Keeper<'d, F: NorFlash, K> {
 
 impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     /// Puts together what the task needs.
-    pub const fn new(service: Service<'d, F, K>, rates: KeepParams) -> Self {
+    pub fn new(service: Service<'d, F, K>, rates: KeepParams, begin: Begin) -> Self {
         Self {
             service,
             schedule: Schedule::new(rates),
+            cause: note::cause_of(begin.cause, begin.note.as_ref()),
+            stop: begin.note.map(|note| StopNote { operating_s: 0, note }),
             life: Life::new(),
             least_difference: UNCALIBRATED_LEAST,
             written: None,
@@ -72,62 +78,89 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         &mut self.service
     }
 
-    async fn open<M: RawMutex>(&mut self, controller: &Controller<M>, begin: Begin) {
-        let mut crc = None;
-        let least = &mut self.least_difference;
-        let trouble = self.service.open(|live| crc = Some(adopt(controller, least, live))).await;
-        if crc.is_none() {
-            warning!("no calibration: nothing is estimated until one comes over the bus");
-            controller.set_calibration(CalibrationState::default());
-        }
-        if let Some(code) = trouble {
-            controller.confirmed(code);
-        }
-        while !controller.exchange.is_free() {
+    async fn open<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let crc = apart!(self.load(controller));
+        // Learned health is for the calibration in use: that one first.
+        while let Some(crc) = crc {
+            let mut slot = controller.exchange.lock().await;
+            if matches!(*slot, Slot::Empty) {
+                let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
+                apart!(self.service.store().read_to(to)).ok();
+                break;
+            }
+            drop(slot);
             Timer::after(GLANCE).await;
         }
-        let read = self.service.store().read::<HealthRecord>().await;
-        restore(controller, crc, read);
-        if let Ok(Some(faults)) = self.service.store().read().await {
-            controller.faults(|memory| memory.restore(faults));
-        }
+        let to = |faults: &mut FaultMemory| controller.faults(|memory| memory.restore(faults));
+        apart!(self.service.store().read_to(to)).ok();
         if let Ok(Some(life)) = self.service.store().read().await {
             self.life = life;
         }
-        self.begin(controller, begin).await;
+        self.begin(controller).await;
     }
 
-    async fn begin<M: RawMutex>(&mut self, controller: &Controller<M>, begin: Begin) {
-        let Begin { cause, note } = begin;
-        let cause = note::cause_of(cause, note.as_ref());
+    /// Finds the calibration to use and hands it over; its CRC.
+    async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
+        let mut slot = controller.exchange.lock().await;
+        let opened = apart!(self.service.open(&mut *slot));
+        if let Some(code) = opened.trouble {
+            controller.confirmed(code);
+        }
+        if opened.adopted.is_none() {
+            warning!("no calibration: nothing is estimated until one comes over the bus");
+            controller.set_calibration(CalibrationState::NONE);
+        }
+        self.hand_over(&mut slot, opened.adopted)
+    }
+
+    async fn begin<M: RawMutex>(&mut self, controller: &Controller<M>) {
         controller.set_operated_before(self.life.operating_s);
-        if let Some(code) = cause.trouble() {
+        if let Some(code) = self.cause.trouble() {
             controller.happened(code);
         }
-        self.life.started(cause);
+        self.life.started(self.cause);
         info!(
             "start {=u32} after {=u32} s of operation, by {}",
-            self.life.starts, self.life.operating_s, cause
+            self.life.starts, self.life.operating_s, self.cause
         );
-        self.keep(controller, &self.life.clone()).await;
-        if let Some(note) = note {
-            self.keep(controller, &StopNote { operating_s: self.life.operating_s, note }).await;
+        let life = self.life;
+        keep(&mut self.service, controller, &life).await;
+        if let Some(stop) = &mut self.stop {
+            stop.operating_s = life.operating_s;
+            keep(&mut self.service, controller, stop).await;
         }
     }
 
     /// Takes a tool's command and leaves the answer for the bus.
     async fn take<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
         let loaded = controller.sample().is_none_or(|sample| is_loaded(&sample, self.least_difference));
-        let least = &mut self.least_difference;
-        let written = &mut self.written;
-        let adopt = |live| {
-            adopt(controller, least, live);
-            *written = None;
-        };
+        // An update takes the place of what has been learned and is to be written yet.
+        apart!(self.keep_told(controller));
+        let mut slot = controller.exchange.lock().await;
         controller.set_writing(Some(Kind::Calibration));
-        let handled = self.service.receive(now(), tool, command, loaded, adopt).await;
+        let handled = apart!(self.service.receive(now(), tool, command, loaded, &mut *slot));
         controller.set_writing(None);
+        if self.hand_over(&mut slot, handled.adopted).is_some() {
+            self.written = None;
+        }
         answer(controller, &handled);
+    }
+
+    /// Hands the parameters that were made over to the estimator; the calibration's CRC.
+    fn hand_over(&mut self, slot: &mut Slot, adopted: Option<CalibrationState>) -> Option<u32> {
+        let calibration = adopted?;
+        self.least_difference = slot.params()?.limits().min_pressure_difference;
+        slot.hand_over(calibration);
+        Some(calibration.crc)
+    }
+
+    /// Writes what has been learned, where `estimate` has told it; false where not.
+    async fn keep_told<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
+        let mut slot = controller.exchange.lock().await;
+        let Slot::Asked { record, is_told: true } = &*slot else { return false };
+        keep(&mut self.service, controller, record).await;
+        *slot = Slot::Empty;
+        true
     }
 
     /// What is due once a second.
@@ -135,32 +168,37 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         answer(controller, &self.service.poll(now()));
         self.look_for_overruns(controller);
         // Asked for a second ago.
-        if let Some(learned) = controller.exchange.take_told() {
-            self.keep(controller, &learned).await;
+        if apart!(self.keep_told(controller)) {
             return;
         }
         self.faults_changed |= controller.faults(|memory| memory.take_changed());
-        let health = controller.output(now()).ok().map(|estimate| {
-            let health = estimate.health;
-            (health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes)
-        });
+        let health = learned_now(controller);
         let health_changed = health.is_some() && health != self.written;
         match self.schedule.due(now(), self.faults_changed, health_changed) {
             Due::Nothing => {}
             Due::Faults => {
                 self.faults_changed = false;
-                let copy = controller.faults(|memory| memory.clone());
-                self.keep(controller, &copy).await;
+                apart!(self.keep_faults(controller));
             }
             Due::Health => {
                 self.written = health;
-                controller.exchange.ask();
+                controller.exchange.lock().await.ask();
             }
             Due::Life => {
                 let life = self.life_at(now());
-                self.keep(controller, &life).await;
+                keep(&mut self.service, controller, &life).await;
             }
         }
+    }
+
+    async fn keep_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let mut slot = controller.exchange.lock().await;
+        // A copy, because others are locked out while it is looked at.
+        copy_faults(controller, &mut slot);
+        if let Slot::Faults(faults) = &*slot {
+            keep(&mut self.service, controller, faults).await;
+        }
+        *slot = Slot::Empty;
     }
 
     fn life_at(&self, now: Micros) -> Life {
@@ -178,13 +216,30 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         }
         self.missed = missed;
     }
+}
 
-    async fn keep<'r, M: RawMutex, R: Record<'r>>(&mut self, controller: &Controller<M>, record: &R) {
-        controller.set_writing(Some(R::KIND));
-        let result = apart!(self.service.keep(record));
-        controller.set_writing(None);
-        told(controller, result);
-    }
+/// Writes a record, and says that it does.
+async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
+    service: &mut Service<'_, F, K>,
+    controller: &Controller<M>,
+    record: &R,
+) {
+    controller.set_writing(Some(R::KIND));
+    let result = apart!(service.keep(record));
+    controller.set_writing(None);
+    told(controller, result);
+}
+
+// Not inlined: the copy would lie in the task's memory for good.
+#[inline(never)]
+fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Slot) {
+    controller.faults(|memory| *slot = Slot::Faults(memory.clone()));
+}
+
+/// Level, its error and changes, to see whether they have changed.
+fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16)> {
+    let health = controller.output(now()).ok()?.health;
+    Some((health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes))
 }
 
 fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
@@ -197,23 +252,10 @@ fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>)
     }
 }
 
-/// Hands a calibration to the estimator; its CRC.
-fn adopt<M: RawMutex>(controller: &Controller<M>, least: &mut Megapascal, live: Live) -> u32 {
-    *least = live.params.limits().min_pressure_difference;
-    let crc = live.state.crc;
-    controller.exchange.put_calibration(live.params, live.state);
-    crc
-}
-
 /// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
-fn restore<M: RawMutex>(
-    controller: &Controller<M>,
-    crc: Option<u32>,
-    read: Result<Option<HealthRecord>, StoreError>,
-) {
-    let (Some(crc), Ok(Some(record))) = (crc, read) else { return };
+fn restore(slot: &mut Slot, crc: u32, record: &HealthRecord) {
     match record.for_calibration(crc) {
-        Some(state) if state.is_sound() => controller.exchange.put_learned(state),
+        Some(state) if state.is_sound() => slot.learned(state),
         _ => warning!("learned health is of another calibration: it is learned anew"),
     }
 }
@@ -232,10 +274,9 @@ fn answer<M: RawMutex>(controller: &Controller<M>, handled: &Handled) {
 pub async fn run_store<M: RawMutex, F: NorFlash, K: KeySource>(
     controller: &Controller<M>,
     start: Instant,
-    begin: Begin,
     keeper: &mut Keeper<'_, F, K>,
 ) -> ! {
-    keeper.open(controller, begin).await;
+    keeper.open(controller).await;
     let mut pace = Pace::new(start, STORE_PERIOD, &controller.vitals.store);
     loop {
         let due = pace.end();

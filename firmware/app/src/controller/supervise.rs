@@ -82,6 +82,8 @@ impl Supervisor {
     }
 
     /// Looks at every task; the first one that is overdue, once found, for good.
+    // Not inlined: the proof of the stacks knows the task by it.
+    #[inline(never)]
     pub fn look(&mut self, vitals: &Vitals, now: Instant) -> Option<Task> {
         for (task, (turns, since)) in Task::ALL.into_iter().zip(&mut self.seen) {
             let turns_now = task.vital(vitals).read().turns;

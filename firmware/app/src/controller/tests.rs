@@ -22,7 +22,7 @@ use crate::sensors::adc::{Counts, Input, NoCounts};
 use crate::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use crate::sensors::wiring;
 use crate::storage::{MIN_BYTES, RamFlash, ResetCause, Store};
-use crate::update::{NoKey, Service};
+use crate::update::{NoKey, Service, Session};
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
@@ -113,22 +113,25 @@ impl World {
         if with(Task::Sample) {
             tasks.push(Box::pin(async move {
                 let mut bench = Bench { counts: &self.counts, busy: &self.busy };
-                run_sample(c, start, &self.params, &mut bench).await;
+                run_sample(c, start, &self.params, &mut bench, &mut SensorsMemory::new()).await;
             }));
         }
         if with(Task::Estimate) {
-            tasks.push(Box::pin(async move { run_estimate(c, start).await }));
+            tasks.push(Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }));
         }
         if with(Task::Publish) {
             tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
         }
         if with(Task::Store) {
             tasks.push(Box::pin(async move {
-                let store =
+                let mut store =
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
                 let rates = KeepParams::new(&KeepConfig::VEHICLE).unwrap();
-                let mut keeper = Keeper::new(Service::new(store, NoKey, None), rates);
-                run_store(c, start, Begin { cause: ResetCause::PowerOn, note: None }, &mut keeper).await;
+                let mut session = Session::new();
+                let begin = Begin { cause: ResetCause::PowerOn, note: None };
+                let mut keeper =
+                    Keeper::new(Service::new(&mut store, &mut session, NoKey, None), rates, begin);
+                run_store(c, start, &mut keeper).await;
             }));
         }
         tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));
@@ -342,22 +345,44 @@ fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn()
 fn a_note_survives_as_it_was_left_and_is_read_once() {
     let mut memory = [0xA5; note::LEN];
     for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
-        note::write(&mut memory, kind, "index out of bounds at src/x.rs:12");
+        note::write(&mut memory, kind, |text| {
+            text.push("index out of bounds at src/x.rs:12");
+        });
         let note = note::take(&mut memory).unwrap();
         assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
         assert_eq!(note::take(&mut memory), None);
     }
     // Too long: cut, and not within a character.
-    let long = vec!["ü"; 200].concat();
-    note::write(&mut memory, Kind::Panic, &long);
+    let long = ["y", &"ü".repeat(200)].concat();
+    note::write(&mut memory, Kind::Panic, |text| {
+        text.push(&long).push("x");
+    });
     let note = note::take(&mut memory).unwrap();
-    assert!(note.text.len() >= note::LEN - 12 && long.starts_with(note.text.as_str()));
+    assert!(note.text.len() >= note::LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
+}
+
+#[test]
+fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+    let mut memory = [0xA5; note::LEN];
+    assert_eq!(note::supply_reset(note::has_survived(&memory)), ResetCause::PowerOn);
+    assert_eq!(note::take(&mut memory), None);
+    // It runs, and is reset without a note.
+    assert_eq!(note::supply_reset(note::has_survived(&memory)), ResetCause::BrownOut);
+    for bit in 0..note::LEN * 8 {
+        let mut forgetting = memory;
+        forgetting[bit / 8] ^= 1 << (bit % 8);
+        assert!(!note::has_survived(&forgetting), "bit {bit}");
+    }
+    note::write(&mut memory, Kind::Panic, |_| ());
+    assert!(note::has_survived(&memory), "a note has survived as well");
 }
 
 #[test]
 fn every_single_wrong_bit_of_a_note_is_noticed() {
     let mut memory = [0; note::LEN];
-    note::write(&mut memory, Kind::Overdue, "estimate");
+    note::write(&mut memory, Kind::Overdue, |text| {
+        text.push("estimate");
+    });
     for bit in 0..note::LEN * 8 {
         let mut damaged = memory;
         damaged[bit / 8] ^= 1 << (bit % 8);
@@ -370,6 +395,7 @@ proptest! {
     fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), note::LEN)) {
         let mut memory = [0; note::LEN];
         memory.copy_from_slice(&bytes);
+        prop_assert!(!note::has_survived(&memory));
         prop_assert_eq!(note::take(&mut memory), None);
     }
 }

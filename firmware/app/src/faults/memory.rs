@@ -113,6 +113,51 @@ pub struct Entry {
     pub last: Snapshot,
 }
 
+/// A trouble as it is told, without what was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Trouble {
+    /// Its trouble code.
+    pub dtc: Dtc,
+    /// Whether it is there now (DM1), or was (DM2).
+    pub active: bool,
+    /// How often it came, 1 to 126.
+    pub occurrences: u8,
+}
+
+/// All troubles as they are told: a small copy of the memory, because making lists of it takes longer than other tasks may be
+/// locked out.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Troubles(Vec<Trouble, CAPACITY>);
+
+impl Troubles {
+    /// None.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Vec::new())
+    }
+
+    /// All of them, in the memory's order.
+    #[must_use]
+    pub fn all(&self) -> &[Trouble] {
+        &self.0
+    }
+
+    /// Whether any is there now.
+    #[must_use]
+    pub fn has_active(&self) -> bool {
+        self.0.iter().any(|trouble| trouble.active)
+    }
+
+    /// The lamp that the active ones light.
+    #[must_use]
+    pub fn lamp(&self) -> Lamp {
+        let lit = |trouble: &Trouble| {
+            trouble.active && Code::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+        };
+        if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
+    }
+}
+
 impl Entry {
     /// What it is, where this version knows.
     #[must_use]
@@ -177,11 +222,12 @@ impl FaultMemory {
         self.lost
     }
 
-    /// The lamp that the active troubles light.
+    /// All troubles as they are told.
     #[must_use]
-    pub fn lamp(&self) -> Lamp {
-        let lit = |entry: &Entry| entry.code().map(Code::lamp) == Some(Lamp::Amber);
-        if self.active().any(lit) { Lamp::Amber } else { Lamp::None }
+    pub fn troubles(&self) -> Troubles {
+        let short =
+            |entry: &Entry| Trouble { dtc: entry.dtc, active: entry.active, occurrences: entry.occurrences };
+        Troubles(self.entries.iter().map(short).collect())
     }
 
     /// Whether anything has changed since this was last asked; the storage task asks before it writes. Not more often
@@ -220,9 +266,10 @@ impl FaultMemory {
     }
 
     /// Takes over what an earlier run left in flash; what has happened in this run already comes on top. Nothing of the
-    /// earlier run is active any more: what is still there occurs anew.
-    pub fn restore(&mut self, stored: Self) {
-        let since_start = core::mem::replace(self, stored);
+    /// earlier run is active any more: what is still there occurs anew. What was here before is left in the place of `stored`.
+    pub fn restore(&mut self, stored: &mut Self) {
+        core::mem::swap(self, stored);
+        let since_start = stored;
         for entry in &mut self.entries {
             entry.active = false;
         }
@@ -301,7 +348,7 @@ mod tests {
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
         assert_eq!(entry.first.displacement(), Some(Ratio(-0.5)));
         assert_eq!(entry.first.high_pressure(), None);
-        assert_eq!(memory.lamp(), Lamp::Amber);
+        assert_eq!(memory.troubles().lamp(), Lamp::Amber);
         assert!(memory.take_changed() && !memory.take_changed());
     }
 

@@ -8,4 +8,4 @@ pub mod code;
 pub mod memory;
 
 pub use code::{Code, Dtc, Lamp};
-pub use memory::{CAPACITY, Entry, FaultMemory, Snapshot};
+pub use memory::{CAPACITY, Entry, FaultMemory, Snapshot, Trouble, Troubles};

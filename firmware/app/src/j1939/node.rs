@@ -16,7 +16,7 @@ use super::publish::{self, CalibrationState};
 use super::signal::Message;
 use super::transport::Broadcast;
 use super::{Claim, Frame, GLOBAL, Id, Name, Pgn};
-use crate::faults::FaultMemory;
+use crate::faults::Troubles;
 
 /// Proprietary A: the calibration update's group, see `crate::update`.
 pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
@@ -24,7 +24,7 @@ pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
 const NEGATIVE: u32 = 1;
 
 /// What the periodic messages are made of.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Outputs<'a> {
     /// The latest estimate.
     pub estimate: &'a Estimate,
@@ -33,7 +33,7 @@ pub struct Outputs<'a> {
     /// The calibration in use.
     pub calibration: CalibrationState,
     /// Troubles.
-    pub faults: &'a FaultMemory,
+    pub troubles: Troubles,
 }
 
 /// What a frame was.
@@ -178,17 +178,17 @@ impl Node {
             ACK_PGN.put_raw(&mut data, pgn.get());
             return Some(frame_of(&ACKNOWLEDGEMENT, source, data));
         }
-        self.diagnostics(now, source, outputs.faults)
+        self.diagnostics(now, source, &outputs.troubles)
             .or_else(|| self.broadcast.poll(now, source))
             .or_else(|| self.periodic(now, source, outputs))
     }
 
-    fn diagnostics(&mut self, now: Micros, source: u8, faults: &FaultMemory) -> Option<Frame> {
+    fn diagnostics(&mut self, now: Micros, source: u8, troubles: &Troubles) -> Option<Frame> {
         // Both lists share the one transport: while it is busy, they wait.
         if self.broadcast.is_busy() {
             return None;
         }
-        let has_active = faults.active().next().is_some();
+        let has_active = troubles.has_active();
         let is_due = now >= self.dm1_due;
         if is_due {
             self.dm1_due = later(now, &DM1);
@@ -196,10 +196,10 @@ impl Node {
         if self.dm1_asked || is_due && (has_active || self.dm1_held) {
             self.dm1_asked = false;
             self.dm1_held = has_active;
-            return self.tell(now, source, &DM1, &diagnostics::list(faults, List::Active));
+            return self.tell(now, source, &DM1, &diagnostics::list(troubles, List::Active));
         }
         if core::mem::take(&mut self.dm2_asked) {
-            return self.tell(now, source, &DM2, &diagnostics::list(faults, List::Previous));
+            return self.tell(now, source, &DM2, &diagnostics::list(troubles, List::Previous));
         }
         None
     }

@@ -33,6 +33,11 @@ pub struct CalibrationState {
     pub crc: u32,
 }
 
+impl CalibrationState {
+    /// No calibration is in use.
+    pub const NONE: Self = Self { source: CalibrationSource::None, crc: 0 };
+}
+
 /// Number of a reason in [`c::REASONS`].
 #[must_use]
 pub const fn reason_code(reason: Reason) -> u32 {

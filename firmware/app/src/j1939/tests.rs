@@ -20,8 +20,8 @@ fn name() -> Name {
     Name::new(&NameConfig::transmission(1000)).unwrap()
 }
 
-fn outputs<'a>(estimate: &'a Estimate, faults: &'a FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), faults }
+fn outputs<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
 }
 
 /// Everything that is sent until `until`, polled every 10 ms.

@@ -4,7 +4,8 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::Params;
-use kou_estimator::calibration::{MachineConfig, record};
+use kou_estimator::calibration::check::CalibrationError;
+use kou_estimator::calibration::{Calibration, MachineConfig, record};
 
 use super::kinds::{StoredCalibration, UpdateCounter};
 use super::store::{Store, StoreError};
@@ -12,11 +13,24 @@ use crate::faults::Code;
 use crate::j1939::{CalibrationSource, CalibrationState};
 use crate::update::{Machine, Refusal};
 
-/// A calibration in use.
+/// Where parameters are made: they are too large to be handed from one function to the next.
+pub trait Place {
+    /// Makes the parameters of a calibration here, in the place of what was here before.
+    ///
+    /// # Errors
+    /// As [`Params::new`]; then nothing is here.
+    fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError>;
+}
+
+impl Place for Option<Params> {
+    fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
+        Params::replace(self, calibration)
+    }
+}
+
+/// A calibration in use; its parameters lie in the [`Place`] that was given.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Live {
-    /// What the estimator works with.
-    pub params: Params,
     /// Where it comes from, and its CRC.
     pub state: CalibrationState,
     /// The machine that it is for; updates must be for the same.
@@ -40,39 +54,63 @@ pub(crate) fn crc_of(record: &[u8]) -> u32 {
     record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc))
 }
 
-/// Parameters of a record that passes every check, and the machine that it is for.
+/// The machine of a record that passes every check.
 ///
 /// # Errors
 /// [`Refusal::Record`] or [`Refusal::Field`].
-// Not inlined, here and below: what it works with is large and would live in a task's memory for good. And the one place that
-// reads records, so that the code for that is there once.
-#[inline(never)]
-pub(crate) fn checked(bytes: &[u8]) -> Result<(Params, Machine), Refusal> {
-    let calibration = record::decode(bytes).map_err(|_| Refusal::Record)?;
-    let params = Params::new(&calibration).map_err(|_| Refusal::Field)?;
-    let MachineConfig { name, serial, .. } = calibration.machine;
-    Ok((params, Machine { name, serial }))
+pub(crate) fn checked(bytes: &[u8]) -> Result<Machine, Refusal> {
+    prepared(bytes, None)
 }
 
+/// The same; and the parameters are made in the place, where there is one.
+// Not inlined: what it works with is large and would live in a task's memory for good. And the one place that
+// reads records, so that the code for that is there once.
 #[inline(never)]
-fn live(bytes: &[u8], source: CalibrationSource) -> Option<Live> {
-    let (params, machine) = checked(bytes).ok()?;
-    Some(Live { params, state: CalibrationState { source, crc: crc_of(bytes) }, machine })
+fn prepared(bytes: &[u8], place: Option<&mut dyn Place>) -> Result<Machine, Refusal> {
+    // By reference, since every copy of it is half a kilobyte.
+    let decoded = decoded(bytes);
+    let calibration = match &decoded {
+        Ok(calibration) => calibration,
+        Err(refusal) => return Err(*refusal),
+    };
+    let made = match place {
+        Some(place) => place.make(calibration),
+        None => Params::check(calibration),
+    };
+    made.map_err(|_| Refusal::Field)?;
+    let MachineConfig { name, serial, .. } = &calibration.machine;
+    Ok(Machine { name: name.clone(), serial: serial.clone() })
+}
+
+// Not inlined: what it takes would lie on the stack beside the parameters.
+#[inline(never)]
+fn decoded(bytes: &[u8]) -> Result<Calibration, Refusal> {
+    record::decode(bytes).map_err(|_| Refusal::Record)
+}
+
+fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn Place) -> Option<Live> {
+    let machine = prepared(bytes, Some(place)).ok()?;
+    Some(Live { state: CalibrationState { source, crc: crc_of(bytes) }, machine })
 }
 
 impl Live {
-    /// The calibration of a record that was just stored; nothing when it is not one that passes every check.
+    /// The calibration of a record that was just stored, its parameters in `place`; nothing when it is not one that passes every
+    /// check.
     #[must_use]
-    pub fn stored(record: &[u8]) -> Option<Self> {
-        live(record, CalibrationSource::Stored)
+    pub fn stored(record: &[u8], place: &mut dyn Place) -> Option<Self> {
+        live(record, CalibrationSource::Stored, place)
     }
 }
 
-/// Reads the stored calibration, or falls back to the `default` record.
-pub async fn load<F: NorFlash>(store: &mut Store<F>, default: Option<&[u8]>) -> Loaded {
+/// Reads the stored calibration, or falls back to the `default` record. The parameters of what is to be used are made in `place`.
+pub async fn load<F: NorFlash>(
+    store: &mut Store<F>,
+    default: Option<&[u8]>,
+    place: &mut dyn Place,
+) -> Loaded {
     let alone = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
     let stored = store.read::<StoredCalibration<'_>>().await;
-    choose(stored, alone, default)
+    choose(stored, alone, default, place)
 }
 
 #[inline(never)]
@@ -80,28 +118,31 @@ fn choose(
     stored: Result<Option<StoredCalibration<'_>>, StoreError>,
     alone: Result<Option<u32>, StoreError>,
     default: Option<&[u8]>,
+    place: &mut dyn Place,
 ) -> Loaded {
-    let default = || default.and_then(|bytes| live(bytes, CalibrationSource::Default));
+    let mut trouble = None;
     let known = alone.ok().flatten();
-    match stored {
-        Ok(None) => Loaded { live: default(), counter: known.unwrap_or(0), trouble: None },
-        Ok(Some(StoredCalibration { counter, record })) => {
-            let counter = counter.max(known.unwrap_or(0));
-            if record.is_empty() {
-                return Loaded { live: default(), counter, trouble: None };
-            }
-            match live(record, CalibrationSource::Stored) {
-                Some(live) => Loaded { live: Some(live), counter, trouble: None },
-                None => Loaded { live: default(), counter, trouble: Some(Code::CalibrationLost) },
-            }
-        }
-        Err(error) => Loaded {
-            live: default(),
-            counter: known.unwrap_or(u32::MAX),
-            trouble: Some(match error {
+    // What is stored, if it is anything; an empty record says that the default is to be used.
+    let (counter, record) = match stored {
+        Ok(None) => (known.unwrap_or(0), &[][..]),
+        Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
+        Err(error) => {
+            trouble = Some(match error {
                 StoreError::Schema { .. } | StoreError::Body(_) => Code::CalibrationLost,
                 _ => Code::StorageFailed,
-            }),
-        },
+            });
+            (known.unwrap_or(u32::MAX), &[][..])
+        }
+    };
+    let mut found = None;
+    if !record.is_empty() {
+        found = live(record, CalibrationSource::Stored, place);
+        if found.is_none() {
+            trouble = Some(Code::CalibrationLost);
+        }
     }
+    if found.is_none() {
+        found = default.and_then(|bytes| live(bytes, CalibrationSource::Default, place));
+    }
+    Loaded { live: found, counter, trouble }
 }

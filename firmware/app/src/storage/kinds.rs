@@ -67,8 +67,8 @@ impl Record<'_> for HealthRecord {
 impl HealthRecord {
     /// The state, when it was learned with this calibration; health is learned anew when not.
     #[must_use]
-    pub fn for_calibration(self, crc: u32) -> Option<HealthState> {
-        (self.calibration_crc == crc).then_some(self.state)
+    pub fn for_calibration(&self, crc: u32) -> Option<&HealthState> {
+        (self.calibration_crc == crc).then_some(&self.state)
     }
 }
 

@@ -22,7 +22,7 @@ pub mod store;
 #[cfg(test)]
 mod tests;
 
-pub use calibration::{Live, Loaded, load};
+pub use calibration::{Live, Loaded, Place, load};
 pub use kinds::{HealthRecord, Life, ResetCause, StopNote, StoredCalibration, UpdateCounter};
 pub use ram::RamFlash;
 pub use record::{Kind, Record};

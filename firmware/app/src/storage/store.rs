@@ -97,6 +97,25 @@ pub struct Store<F: NorFlash> {
     buffer: Buffer,
 }
 
+/// The record, or why it is none.
+fn decoded<'a, R: Record<'a>>(raw: Raw<'a>) -> Result<R, StoreError> {
+    raw.decode().map_err(|error| match error {
+        DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
+        DecodeError::Body => StoreError::Body(R::KIND),
+    })
+}
+
+/// What becomes of a record when it is shown. Not inlined, or the record would lie in a task's memory for good.
+#[inline(never)]
+fn shown<'a, R: Record<'a>, T>(raw: Raw<'a>, take: impl FnOnce(&mut R) -> T) -> Result<T, StoreError> {
+    // By reference, since every copy of it is most of a kilobyte.
+    let mut decoded = decoded(raw);
+    match &mut decoded {
+        Ok(record) => Ok(take(record)),
+        Err(error) => Err(*error),
+    }
+}
+
 impl<F: NorFlash> Store<F> {
     /// Takes a region of a flash; its content, if any, is that of an earlier run.
     ///
@@ -133,10 +152,19 @@ impl<F: NorFlash> Store<F> {
     /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
     pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
         let Some(raw) = apart!(self.newest_whole(R::KIND))? else { return Ok(None) };
-        raw.decode().map(Some).map_err(|error| match error {
-            DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
-            DecodeError::Body => StoreError::Body(R::KIND),
-        })
+        decoded(raw).map(Some)
+    }
+
+    /// The same; the record is shown to `take`, where it is too large to lie in a task's memory.
+    ///
+    /// # Errors
+    /// As of [`read`](Self::read).
+    pub async fn read_to<'a, R: Record<'a>, T>(
+        &'a mut self,
+        take: impl FnOnce(&mut R) -> T,
+    ) -> Result<Option<T>, StoreError> {
+        let Some(raw) = apart!(self.newest_whole(R::KIND))? else { return Ok(None) };
+        shown(raw, take).map(Some)
     }
 
     /// Body of the newest record of a kind, of whatever schema, as it was written; nothing as of [`read`](Self::read).

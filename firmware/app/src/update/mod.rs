@@ -25,7 +25,7 @@ pub mod wire;
 
 pub use mac::{Key, KeySource, NoKey, TAG_LEN};
 pub use refusal::Refusal;
-pub use service::{Handled, Service};
+pub use service::{Handled, Opened, Service};
 pub use session::{Guard, Machine, Outcome, Session, Todo, What, is_loaded};
 pub use transfer::Transfer;
 

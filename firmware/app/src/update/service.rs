@@ -1,8 +1,8 @@
 //! Store and session put together: the one owner of what is kept in flash, which takes updates as well.
 //!
 //! One task owns it and awaits every call to its end, since each may write to flash. Commands come to it by a queue from
-//! whoever reads the bus; what it says goes back the same way. A calibration is given out by calling back, not by returning
-//! it: it is large, and what an asynchronous function returns would lie in its task's memory for good.
+//! whoever reads the bus; what it says goes back the same way. A calibration's parameters are made where the caller wants them, not
+//! returned: they are large, and what an asynchronous function returns would lie in its task's memory for good.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::Micros;
@@ -10,10 +10,12 @@ use kou_estimator::units::Micros;
 use super::session::{Guard, Outcome, Session, Todo, What};
 use super::wire::Answer;
 use super::{KeySource, Machine, Refusal};
+use crate::apart::apart;
 use crate::faults::Code;
+use crate::j1939::CalibrationState;
 use crate::storage::{
-    HealthRecord, Kind, Live, Loaded, Record, StopNote, Store, StoreError, StoredCalibration, UpdateCounter,
-    load,
+    HealthRecord, Kind, Live, Loaded, Place, Record, StopNote, Store, StoreError, StoredCalibration,
+    UpdateCounter, load,
 };
 
 /// What a command led to.
@@ -23,18 +25,30 @@ pub struct Handled {
     pub answer: Option<(u8, Answer)>,
     /// To be recorded as a trouble.
     pub trouble: Option<Code>,
+    /// A new calibration is in flash and its parameters in their place: to be taken into use between two samples; learned health
+    /// begins anew with it.
+    pub adopted: Option<CalibrationState>,
+}
+
+/// What a start found.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Opened {
+    /// The calibration to use; nothing when there is none.
+    pub adopted: Option<CalibrationState>,
+    /// To be recorded as a trouble.
+    pub trouble: Option<Code>,
 }
 
 impl From<Outcome> for Handled {
     fn from(outcome: Outcome) -> Self {
-        Self { answer: outcome.answer, trouble: outcome.refused.map(Code::UpdateRefused) }
+        Self { answer: outcome.answer, trouble: outcome.refused.map(Code::UpdateRefused), adopted: None }
     }
 }
 
 /// Owner of store and session.
 pub struct Service<'d, F: NorFlash, K> {
-    store: Store<F>,
-    session: Session,
+    store: &'d mut Store<F>,
+    session: &'d mut Session,
     keys: K,
     default: Option<&'d [u8]>,
     counter: u32,
@@ -42,53 +56,61 @@ pub struct Service<'d, F: NorFlash, K> {
 }
 
 impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
-    /// Puts the two together; nothing is read yet, and no update is taken before [`open`](Self::open). `default` is the
+    /// Puts the two together, which are large and lie elsewhere; nothing is read yet, and no update is taken before [`open`](Self::open). `default` is the
     /// record to use where none is stored.
-    pub const fn new(store: Store<F>, keys: K, default: Option<&'d [u8]>) -> Self {
-        Self { store, session: Session::new(), keys, default, counter: u32::MAX, machine: None }
+    pub const fn new(
+        store: &'d mut Store<F>,
+        session: &'d mut Session,
+        keys: K,
+        default: Option<&'d [u8]>,
+    ) -> Self {
+        Self { store, session, keys, default, counter: u32::MAX, machine: None }
     }
 
-    /// Puts the copies in flash right, finds the calibration to use (the stored one, else the default) and gives it to
-    /// `adopt`. Returns the trouble to be reported, if any.
-    pub async fn open(&mut self, adopt: impl FnOnce(Live)) -> Option<Code> {
+    /// Puts the copies in flash right, finds the calibration to use (the stored one, else the default) and makes its parameters in
+    /// `place`.
+    pub async fn open(&mut self, place: &mut dyn Place) -> Opened {
         // A copy that cannot be put right is told of by what is loaded, or by the next write.
         if let Some(scratch) = self.session.scratch() {
-            self.store.heal(scratch).await.ok();
+            apart!(self.store.heal(scratch)).ok();
         }
-        let trouble = self.load(adopt).await;
+        let opened = apart!(self.load(place));
         // Behind the calibration's own where power failed between the two writes of an update.
         let alone = self.store.read::<UpdateCounter>().await.ok().flatten();
         if alone.is_none_or(|alone| alone.counter < self.counter) && (1..u32::MAX).contains(&self.counter) {
             self.store.write(&UpdateCounter { counter: self.counter }).await.ok();
         }
-        trouble
+        opened
     }
 
-    async fn load(&mut self, adopt: impl FnOnce(Live)) -> Option<Code> {
-        let Loaded { live, counter, trouble } = load(&mut self.store, self.default).await;
+    async fn load(&mut self, place: &mut dyn Place) -> Opened {
+        let Loaded { live, counter, trouble } = load(self.store, self.default, place).await;
         self.counter = counter;
-        if let Some(live) = live {
-            self.machine = Some(live.machine.clone());
-            adopt(live);
-        }
-        trouble
+        Opened { adopted: self.live(live), trouble }
     }
 
-    /// Takes a command of a tool. `loaded` by [`super::is_loaded`]. A new calibration, once it is in flash, is given to
-    /// `adopt`, to be taken into use between two samples; learned health begins anew with it.
+    /// Remembers what is in use.
+    fn live(&mut self, live: Option<Live>) -> Option<CalibrationState> {
+        let Live { state, machine } = live?;
+        self.machine = Some(machine);
+        Some(state)
+    }
+
+    /// Takes a command of a tool. `loaded` by [`super::is_loaded`]. The parameters of a new calibration, once it
+    /// is in flash, are made in `place`.
     pub async fn receive(
         &mut self,
         now: Micros,
         tool: u8,
         command: [u8; 8],
         loaded: bool,
-        adopt: impl FnOnce(Live),
+        place: &mut dyn Place,
     ) -> Handled {
         let guard = Guard { loaded, keys: &self.keys, counter: self.counter, machine: self.machine.as_ref() };
         let outcome = self.session.receive(now, tool, command, &guard);
         match outcome.todo {
             None => outcome.into(),
-            Some(Todo::Store { counter }) => self.adopt(counter, adopt).await,
+            Some(Todo::Store { counter }) => apart!(self.adopt(counter, place)),
             Some(Todo::Fill(What::Calibration)) => {
                 let default = self.default;
                 let stored = self.store.read::<StoredCalibration<'_>>().await.ok().flatten();
@@ -123,33 +145,28 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
 
     /// The store, for the records that are read at start.
     pub fn store(&mut self) -> &mut Store<F> {
-        &mut self.store
+        self.store
     }
 
     /// Writes the checked calibration, and only then gives it out.
-    async fn adopt(&mut self, counter: u32, adopt: impl FnOnce(Live)) -> Handled {
+    async fn adopt(&mut self, counter: u32, place: &mut dyn Place) -> Handled {
         let stored = StoredCalibration { counter, record: self.session.record() };
         let is_written = self.store.write(&stored).await.is_ok();
-        let is_adopted = is_written && self.give_out(counter, adopt);
+        let live = if is_written { Live::stored(self.session.record(), place) } else { None };
         let mut handled = Handled::from(self.session.stored(is_written));
-        if !is_adopted {
+        handled.adopted = self.live(live);
+        if handled.adopted.is_none() {
             // What is in flash now is known again after a restart; until then nothing more is written over it.
             self.counter = u32::MAX;
             handled.trouble = Some(Code::UpdateRefused(Refusal::Storage));
-        } else if self.store.write(&UpdateCounter { counter }).await.is_err() {
+            return handled;
+        }
+        self.counter = counter;
+        if self.store.write(&UpdateCounter { counter }).await.is_err() {
             // The calibration's own counter holds; the next start tries again.
             handled.trouble = Some(Code::StorageFailed);
         }
         handled
-    }
-
-    /// Gives out what was written; false when that is no calibration.
-    fn give_out(&mut self, counter: u32, adopt: impl FnOnce(Live)) -> bool {
-        let Some(live) = Live::stored(self.session.record()) else { return false };
-        self.counter = counter;
-        self.machine = Some(live.machine.clone());
-        adopt(live);
-        true
     }
 }
 

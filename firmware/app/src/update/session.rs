@@ -353,7 +353,7 @@ fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Refusa
 
 /// The whole record: readable, past every check that the estimator makes, and for this machine.
 fn check_record(bytes: &[u8], machine: Option<&Machine>) -> Result<(), Refusal> {
-    let (_, candidate) = checked(bytes)?;
+    let candidate = checked(bytes)?;
     if machine.is_some_and(|machine| !machine.takes(&candidate)) {
         return Err(Refusal::WrongMachine);
     }

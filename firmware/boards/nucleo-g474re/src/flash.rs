@@ -75,6 +75,10 @@ unsafe fn NonMaskableInt() {
         // Written as one, it clears.
         pac::FLASH.eccr().modify(|eccr| eccr.set_eccd(true));
     } else {
-        keeper::stop(format_args!("non-maskable interrupt: flash ECC {}, or clock or RAM", ecc.eccd()));
+        keeper::stop(if ecc.eccd() {
+            "flash is damaged: ECC"
+        } else {
+            "non-maskable interrupt: clock or RAM"
+        });
     }
 }

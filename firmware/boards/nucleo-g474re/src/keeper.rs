@@ -1,7 +1,6 @@
 //! What keeps the controller alive, and what tells afterwards why it was not: watchdog, reset cause, the note across a
 //! reset, panics and hard faults.
 
-use core::fmt;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 
@@ -11,9 +10,12 @@ use embassy_stm32::Peri;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use kou_app::controller::note::{self, Kind};
+use kou_app::callers::{callers, tell};
+use kou_app::controller::note::{self, Kind, Text};
 use kou_app::controller::{Begin, Task, Watchdog};
 use kou_app::storage::ResetCause;
+
+use crate::callers::{self, Flash};
 
 /// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
@@ -54,12 +56,17 @@ impl Watchdog for Keeper {
     }
 
     fn give_up(&mut self, task: Task) {
-        with_note(|memory| note::write(memory, Kind::Overdue, task.name()));
+        with_note(|memory| {
+            note::write(memory, Kind::Overdue, |text| {
+                text.push(task.name());
+            })
+        });
     }
 }
 
 /// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
 pub(crate) fn begin() -> Begin {
+    let (has_survived, note) = with_note(|memory| (note::has_survived(memory), note::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -68,14 +75,13 @@ pub(crate) fn begin() -> Begin {
         ResetCause::Software
     } else if flags.borrstf() {
         // Set at every power-on as well: the supply came through the brown-out threshold.
-        ResetCause::PowerOn
+        note::supply_reset(has_survived)
     } else if flags.pinrstf() {
         ResetCause::Pin
     } else {
         ResetCause::Unknown
     };
     defmt::info!("started by {}", cause);
-    let note = with_note(note::take);
     if let Some(note) = &note {
         defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
     }
@@ -83,33 +89,29 @@ pub(crate) fn begin() -> Begin {
 }
 
 /// Leaves a note and resets.
-pub(crate) fn stop(why: fmt::Arguments<'_>) -> ! {
-    leave(Kind::Panic, why)
+pub(crate) fn stop(why: &str) -> ! {
+    leave(Kind::Panic, |text| {
+        text.push(why);
+    })
 }
 
-fn leave(kind: Kind, why: fmt::Arguments<'_>) -> ! {
+fn leave(kind: Kind, tell: impl FnOnce(&mut Text<'_>)) -> ! {
     cortex_m::interrupt::disable();
-    with_note(|memory| note::write(memory, kind, why));
+    with_note(|memory| note::write(memory, kind, tell));
     SCB::sys_reset()
 }
 
 #[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    // The place, which names its cause; the texts of every message that there could be take 6 KB of flash.
-    match info.location() {
-        Some(place) => leave(Kind::Panic, format_args!("{}:{}", tail(place.file()), place.line())),
-        None => leave(Kind::Panic, format_args!("somewhere")),
-    }
-}
-
-/// The end of a path, which tells more than its beginning.
-fn tail(path: &str) -> &str {
-    const MOST: usize = 80;
-    path.get(path.len().saturating_sub(MOST)..).unwrap_or(path)
+fn panic(_: &PanicInfo<'_>) -> ! {
+    // Who called; the texts and places of all panics would take 8 KB of flash.
+    leave(Kind::Panic, |text| tell(text, callers(&Flash, callers::stack())))
 }
 
 #[allow(unsafe_code, reason = "an exception handler for hard faults must be declared unsafe")]
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    leave(Kind::HardFault, format_args!("at {:#010x}, called from {:#010x}", frame.pc(), frame.lr()))
+    leave(Kind::HardFault, |text| {
+        text.push("at ").push_hex(frame.pc()).push(", ");
+        tell(text, [frame.lr()].into_iter().chain(callers(&Flash, callers::stack())))
+    })
 }

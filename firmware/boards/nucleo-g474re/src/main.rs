@@ -2,6 +2,7 @@
 //!
 //! | module | duty |
 //! |---|---|
+//! | [`callers`] | who called, for the note that a panic leaves |
 //! | [`can`] | the CAN bus |
 //! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
 //! | [`clocks`] | 170 MHz from the board's crystal |
@@ -13,6 +14,7 @@
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod callers;
 mod can;
 mod clocks;
 mod flash;
@@ -27,19 +29,20 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
-use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt, peripherals};
+use embassy_stm32::{Peri, Peripherals, bind_interrupts, dma, interrupt, peripherals};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler,
-    run_estimate, run_publish, run_sample, run_store, run_supervise,
+    Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler,
+    SensorsMemory, run_estimate, run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
-use kou_app::update::Service;
+use kou_app::storage::Store;
+use kou_app::update::{Service, Session};
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
@@ -61,9 +64,6 @@ bind_interrupts!(struct Irqs {
 
 /// What the tasks, of three priorities, share.
 type Shared = Controller<CriticalSectionRawMutex>;
-
-// Made at start: as a static with a value it would lie in flash as well, two kilobytes of it.
-static CONTROLLER: StaticCell<Shared> = StaticCell::new();
 
 /// Executors above the thread's, on interrupts of peripherals that the board does not use.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
@@ -102,29 +102,62 @@ type FrontEnd = Sampler<
     Pickups,
 >;
 
+/// What the front end takes of the chip.
+struct FrontEndPins {
+    spi: Peri<'static, peripherals::SPI1>,
+    spi_pins:
+        (Peri<'static, peripherals::PA5>, Peri<'static, peripherals::PA7>, Peri<'static, peripherals::PA6>),
+    dma: (Peri<'static, peripherals::DMA1_CH1>, Peri<'static, peripherals::DMA1_CH2>),
+    select: Peri<'static, peripherals::PB6>,
+    timer: Peri<'static, peripherals::TIM2>,
+    pickups: (Peri<'static, peripherals::PA0>, Peri<'static, peripherals::PA1>),
+}
+
+/// What the bus takes of the chip.
+struct CanPins {
+    can: Peri<'static, peripherals::FDCAN1>,
+    receive: Peri<'static, peripherals::PA11>,
+    transmit: Peri<'static, peripherals::PA12>,
+}
+
 type FlashRecords = Records<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
 
+// What the tasks work with lies outside of them: a task is put together on the stack and then moved to its place. Made at start:
+// as statics with values they would lie in flash as well, kilobytes of it.
+static CONTROLLER: StaticCell<Shared> = StaticCell::new();
+static STORE: StaticCell<Store<Flash<'static, flash::Mode>>> = StaticCell::new();
+static SESSION: StaticCell<Session> = StaticCell::new();
 static RECORDS: StaticCell<FlashRecords> = StaticCell::new();
+static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
+static SENSORS_MEMORY: StaticCell<SensorsMemory> = StaticCell::new();
+static FRONT_END: StaticCell<FrontEnd> = StaticCell::new();
+static ESTIMATOR: StaticCell<Estimator> = StaticCell::new();
+static TOLD: StaticCell<Told> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn sample(shared: &'static Shared, start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
-    run_sample(shared, start, &params, &mut front_end).await
+async fn sample(
+    shared: &'static Shared,
+    start: Instant,
+    params: &'static SensorsParams,
+    front_end: &'static mut FrontEnd,
+    memory: &'static mut SensorsMemory,
+) {
+    run_sample(shared, start, params, front_end, memory).await
 }
 
 #[embassy_executor::task]
-async fn estimate(shared: &'static Shared, start: Instant) {
-    run_estimate(shared, start).await
+async fn estimate(shared: &'static Shared, start: Instant, estimator: &'static mut Estimator) {
+    run_estimate(shared, start, estimator).await
 }
 
 #[embassy_executor::task]
-async fn publish(shared: &'static Shared, start: Instant, node: Node, port: can::Port) {
-    let mut to = Told { bus: Bus::new(port, node, shared), was_valid: None };
-    run_publish(shared, start, &mut to).await
+async fn publish(shared: &'static Shared, start: Instant, to: &'static mut Told) {
+    run_publish(shared, start, to).await
 }
 
 #[embassy_executor::task]
-async fn store(shared: &'static Shared, start: Instant, begin: Begin, records: &'static mut FlashRecords) {
-    run_store(shared, start, begin, records).await
+async fn keep(shared: &'static Shared, start: Instant, records: &'static mut FlashRecords) {
+    run_store(shared, start, records).await
 }
 
 #[embassy_executor::task]
@@ -170,36 +203,84 @@ fn identity() -> u32 {
 /// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
 const ADC_CLOCK: Hertz = Hertz(1_000_000);
 
-fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnError> {
-    let keeper = Keeper::new(p.IWDG);
+/// A value in its place for good. Not inlined, so that what it is made of leaves the stack at once; each place is taken once.
+#[inline(never)]
+fn kept<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
+    match place.try_init_with(make) {
+        Some(value) => value,
+        None => keeper::stop("made twice"),
+    }
+}
+
+fn shared() -> &'static Shared {
+    kept(&CONTROLLER, Controller::new)
+}
+
+#[inline(never)]
+fn sensors() -> &'static SensorsParams {
+    let params = || match SensorsParams::new(&wiring::REFERENCE) {
+        Ok(params) => params,
+        Err(_) => keeper::stop("wiring"),
+    };
+    kept(&SENSORS, params)
+}
+
+/// Converter and timer.
+#[inline(never)]
+fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
     let mut config = spi::Config::default();
     config.frequency = ADC_CLOCK;
-    let spi = Spi::new(p.SPI1, p.PA5, p.PA7, p.PA6, p.DMA1_CH1, p.DMA1_CH2, Irqs, config);
-    let select = Output::new(p.PB6, Level::High, Speed::Medium);
+    let (sck, mosi, miso) = pins.spi_pins;
+    let (tx, rx) = pins.dma;
+    let spi = Spi::new(pins.spi, sck, mosi, miso, tx, rx, Irqs, config);
+    let select = Output::new(pins.select, Level::High, Speed::Medium);
     // Setting a pin cannot fail.
     let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
-    let front_end = Sampler::new(Mcp3208::new(device), Pickups::new(p.TIM2, p.PA0, p.PA1, Irqs));
-    let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { keeper::stop(format_args!("wiring")) };
+    let (pump, motor) = pins.pickups;
+    let timer = Pickups::new(pins.timer, pump, motor, Irqs);
+    kept(&FRONT_END, || Sampler::new(Mcp3208::new(device), timer))
+}
 
-    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else {
-        keeper::stop(format_args!("name"))
-    };
-    let Some(port) = can::Port::new(p.FDCAN1, p.PA11, p.PA12, Irqs) else {
-        keeper::stop(format_args!("CAN"))
-    };
-    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop(format_args!("rates")) };
-    let Ok(records) = flash::store(p.FLASH, Irqs) else {
-        keeper::stop(format_args!("flash is not two banks"))
-    };
-    // In place: it is two kilobytes, and no copy of it belongs on the stack.
-    let keep =
-        || Records::new(Service::new(records, flash::Provisioned, flash::default_calibration()), rates);
-    let Some(records) = RECORDS.try_init_with(keep) else { keeper::stop(format_args!("records")) };
+#[inline(never)]
+fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
+    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { keeper::stop("name") };
+    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else { keeper::stop("CAN") };
+    kept(&TOLD, || Told { bus: Bus::new(port, Node::new(name, ADDRESS), shared), was_valid: None })
+}
 
-    let Some(shared) = CONTROLLER.try_init_with(Controller::new) else {
-        keeper::stop(format_args!("shared"))
+#[inline(never)]
+fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecords {
+    let begin = keeper::begin();
+    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop("rates") };
+    let (store, session) = (store(flash), kept(&SESSION, Session::new));
+    let service = Service::new(store, session, flash::Provisioned, flash::default_calibration());
+    kept(&RECORDS, || Records::new(service, rates, begin))
+}
+
+#[inline(never)]
+fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'static, flash::Mode>> {
+    let store = || match flash::store(flash, Irqs) {
+        Ok(store) => store,
+        Err(_) => keeper::stop("flash is not two banks"),
     };
-    let shared: &'static Shared = shared;
+    kept(&STORE, store)
+}
+
+fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
+    let keeper = Keeper::new(p.IWDG);
+    let shared: &'static Shared = shared();
+    let records = records(p.FLASH);
+    let (params, memory) = (sensors(), kept(&SENSORS_MEMORY, SensorsMemory::new));
+    let front_end = front_end(FrontEndPins {
+        spi: p.SPI1,
+        spi_pins: (p.PA5, p.PA7, p.PA6),
+        dma: (p.DMA1_CH1, p.DMA1_CH2),
+        select: p.PB6,
+        timer: p.TIM2,
+        pickups: (p.PA0, p.PA1),
+    });
+    let told = told(shared, CanPins { can: p.FDCAN1, receive: p.PA11, transmit: p.PA12 });
+    let estimator = kept(&ESTIMATOR, Estimator::new);
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
@@ -208,11 +289,11 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
     // The thread is left to what is written to flash: searching it takes longer than a period of the bus.
     let low = LOW.start(interrupt::LPUART1);
     let start = Instant::now();
-    highest.spawn(sample(shared, start, params, front_end)?);
-    high.spawn(estimate(shared, start)?);
-    low.spawn(publish(shared, start, Node::new(name, ADDRESS), port)?);
+    highest.spawn(sample(shared, start, params, front_end, memory)?);
+    high.spawn(estimate(shared, start, estimator)?);
+    low.spawn(publish(shared, start, told)?);
     low.spawn(supervise(shared, start, keeper)?);
-    spawner.spawn(store(shared, start, begin, records)?);
+    spawner.spawn(keep(shared, start, records)?);
     Ok(())
 }
 
@@ -220,8 +301,7 @@ fn start(spawner: Spawner, p: Peripherals, begin: Begin) -> Result<(), SpawnErro
 async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(clocks::config());
     defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
-    let begin = keeper::begin();
-    if start(spawner, p, begin).is_err() {
-        keeper::stop(format_args!("task"));
+    if start(spawner, p).is_err() {
+        keeper::stop("task");
     }
 }

@@ -48,6 +48,13 @@ mod entries {
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
+    pub fn kou_params_replace(calibration: &Calibration, out: &mut Option<Params>) {
+        Params::replace(out, calibration).ok();
+    }
+
+    #[inline(never)]
+    #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
+    #[unsafe(no_mangle)]
     pub fn kou_record_decode(bytes: &[u8], out: &mut Option<Calibration>) {
         *out = record::decode(bytes).ok();
     }
@@ -108,6 +115,8 @@ extern "C" fn _start() {
     black_box(record::crc32(&buffer));
     entries::kou_params_new(calibration, &mut checked);
     black_box(&checked);
+    entries::kou_params_replace(calibration, &mut checked);
+    black_box((&checked, Params::check(calibration).is_ok()));
     entries::kou_step(params, &mut state, unknown(0x74 as *const Sample), &mut estimate);
     black_box(kou_estimator::state_record::encode(&state, 0, &mut buffer).is_ok());
     black_box(kou_estimator::state_record::decode(bytes, 0).is_ok());

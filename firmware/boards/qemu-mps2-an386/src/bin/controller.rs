@@ -13,15 +13,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Begin, Bus, Controller, KeepConfig, KeepParams, Keeper, Sampler, run_estimate, run_publish, run_sample,
-    run_store, run_supervise,
+    Begin, Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper, Sampler, SensorsMemory, run_estimate,
+    run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::rig::{FLASH_LEN, MAX_LEN, ToHost};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
 use kou_app::storage::Store;
-use kou_app::update::Service;
+use kou_app::update::{Service, Session};
 use kou_estimator::units::Micros;
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::rig::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
@@ -43,18 +43,28 @@ type FrontEnd = Sampler<Mcp3208<Spi>, Timer<fn(&mut ToHost)>>;
 
 type Records = Keeper<'static, Flash, HostKey>;
 
+static STORE: StaticCell<Store<Flash>> = StaticCell::new();
+static SESSION: ConstStaticCell<Session> = ConstStaticCell::new(Session::new());
 static RECORDS: StaticCell<Records> = StaticCell::new();
+static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
+static SENSORS_MEMORY: ConstStaticCell<SensorsMemory> = ConstStaticCell::new(SensorsMemory::new());
+static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::new());
 /// The first message, whose calibration stays there.
 static FIRST: ConstStaticCell<[u8; MAX_LEN]> = ConstStaticCell::new([0; MAX_LEN]);
 
 #[embassy_executor::task]
-async fn sample(start: Instant, params: SensorsParams, mut front_end: FrontEnd) {
-    run_sample(&CONTROLLER, start, &params, &mut front_end).await
+async fn sample(
+    start: Instant,
+    params: &'static SensorsParams,
+    mut front_end: FrontEnd,
+    memory: &'static mut SensorsMemory,
+) {
+    run_sample(&CONTROLLER, start, params, &mut front_end, memory).await
 }
 
 #[embassy_executor::task]
-async fn estimate(start: Instant) {
-    run_estimate(&CONTROLLER, start).await
+async fn estimate(start: Instant, estimator: &'static mut Estimator) {
+    run_estimate(&CONTROLLER, start, estimator).await
 }
 
 #[embassy_executor::task]
@@ -64,8 +74,8 @@ async fn publish(start: Instant) {
 }
 
 #[embassy_executor::task]
-async fn store(start: Instant, begin: Begin, records: &'static mut Records) {
-    run_store(&CONTROLLER, start, begin, records).await
+async fn store(start: Instant, records: &'static mut Records) {
+    run_store(&CONTROLLER, start, records).await
 }
 
 #[embassy_executor::task]
@@ -94,33 +104,32 @@ const STACK_PERIOD: Duration = Duration::from_millis(500);
 const IDLE_TURNS: u32 = 8000;
 
 /// Everything that is kept, and why this run begins, from the host's first message.
-fn records(mut line: Line) -> Option<(Begin, &'static mut Records)> {
+fn records(mut line: Line) -> Option<&'static mut Records> {
     let first = line.begin(FIRST.try_take()?)?;
     line.share();
     let default = (!first.default.is_empty()).then_some(first.default);
     let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
     let store = Store::new(Flash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
     let rates = KeepParams::new(&rates).ok()?;
-    // In place: it is two kilobytes, and no copy of it belongs on the stack.
-    let keeper =
-        RECORDS.try_init_with(|| Keeper::new(Service::new(store, HostKey(first.key), default), rates))?;
-    Some((Begin { cause: first.cause, note: first.note }, keeper))
+    let begin = Begin { cause: first.cause, note: first.note };
+    let service = Service::new(STORE.try_init(store)?, SESSION.try_take()?, HostKey(first.key), default);
+    RECORDS.try_init_with(|| Keeper::new(service, rates, begin))
 }
 
 fn start(line: Line) -> Result<(), SpawnError> {
-    let Some((begin, records)) = records(line) else { Exit::LineFailed.now() };
+    let Some(records) = records(line) else { Exit::LineFailed.now() };
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
     let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
     let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut ToHost)));
     let [highest, high, low, lowest] = priority::start();
     let start = Instant::now();
-    highest.spawn(sample(start, params, front_end)?);
-    high.spawn(estimate(start)?);
+    highest.spawn(sample(start, SENSORS.init(params), front_end, SENSORS_MEMORY.take())?);
+    high.spawn(estimate(start, ESTIMATOR.take())?);
     low.spawn(publish(start)?);
     low.spawn(supervise(start)?);
     // Last: it begins at once, above this thread, and opens the flash before it gives the processor back.
-    lowest.spawn(store(start, begin, records)?);
+    lowest.spawn(store(start, records)?);
     Ok(())
 }
 
