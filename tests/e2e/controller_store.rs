@@ -3,6 +3,7 @@
 
 use std::cell::RefCell;
 use std::future::Future;
+use std::ops::Range;
 use std::pin::Pin;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Waker};
@@ -101,7 +102,7 @@ struct Run {
     tool: Tool,
 }
 
-/// Runs all tasks but the supervisor for a time, `at` looks on every millisecond.
+/// Runs all tasks but the supervisor for a time.
 fn run(
     flash: Flash,
     default: Option<&[u8]>,
@@ -109,6 +110,19 @@ fn run(
     to_send: Vec<Frame>,
     busy: Duration,
     ms: u64,
+) -> Run {
+    run_with_pause(flash, default, begin, to_send, busy, ms, 0..0)
+}
+
+/// The same; the task `estimate` does not come to its turns within these milliseconds.
+fn run_with_pause(
+    flash: Flash,
+    default: Option<&[u8]>,
+    begin: Begin,
+    to_send: Vec<Frame>,
+    busy: Duration,
+    ms: u64,
+    pause: Range<u64>,
 ) -> Run {
     // As a reset does.
     MockDriver::get().reset();
@@ -135,8 +149,11 @@ fn run(
             Box::pin(async move { run_store(c, start, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
-        for _ in 0..ms {
-            for task in &mut tasks {
+        for now_ms in 0..ms {
+            for (number, task) in tasks.iter_mut().enumerate() {
+                if number == 1 && pause.contains(&now_ms) {
+                    continue;
+                }
                 assert!(task.as_mut().poll(&mut context).is_pending(), "a task has ended");
             }
             MockDriver::get().advance(Duration::from_millis(1));
@@ -210,6 +227,22 @@ fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_o
         later.controller.calibration().map(|c| (c.source, c.crc)),
         Some((CalibrationSource::Stored, crc))
     );
+}
+
+#[test]
+fn a_calibration_on_its_way_to_the_estimator_is_not_overwritten_by_what_is_to_be_kept() {
+    let _guard = clock();
+    let addresses = Addresses { controller: 0x8C, tool: 0xF9 };
+    let new = frames(&reference_calibration(), 1, &Key::new(KEY), addresses).unwrap();
+    // It comes at 4 s; the silence of the bus, a trouble to be written, at 9 s; the estimator looks again at 12 s.
+    let run = run_with_pause(Flash::new(), None, power_on(), new, NOT_BUSY, 14_000, 2_400..12_000);
+    let crc = crc_of(&record_of(&reference_calibration()));
+    assert_eq!(run.tool.answers.last(), Some(&Answer::Committed { crc }));
+    let in_use = run.controller.calibration().map(|c| (c.source, c.crc));
+    assert_eq!(in_use, Some((CalibrationSource::Stored, crc)));
+    assert!(run.controller.output(Micros(Instant::now().as_micros())).is_ok());
+    let kept = read::<FaultMemory>(&run.flash).unwrap();
+    assert!(kept.get(Code::BusSilent).is_some(), "written a turn later: {kept:?}");
 }
 
 #[test]

@@ -171,6 +171,10 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         if apart!(self.keep_told(controller)) {
             return;
         }
+        // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
+        if !matches!(*controller.exchange.lock().await, Slot::Empty) {
+            return;
+        }
         self.faults_changed |= controller.faults(|memory| memory.take_changed());
         let health = learned_now(controller);
         let health_changed = health.is_some() && health != self.written;
