@@ -128,7 +128,8 @@ impl Compression {
         self.per_bulk_modulus / self.softening(oil)
     }
 
-    /// Magnitude of the relative change of the lost fraction per kelvin.
+    /// Relative change of the bulk modulus per kelvin, negative for real oils; that of the lost fraction is its opposite, to within
+    /// the few per cent by which the modulus has softened at other than the reference temperature.
     #[inline(always)]
     #[must_use]
     pub(crate) fn softening_per_k(&self) -> f32 {
