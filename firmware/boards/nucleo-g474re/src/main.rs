@@ -195,6 +195,9 @@ impl Publish for Told {
 /// Preferred address on the bus, of those that J1939 leaves free to be claimed (128 to 247).
 const ADDRESS: u8 = 0x8C;
 
+/// Address of the controller whose oil temperature (SPN 177) checks the own thermometer, where one sends it: state it here.
+const OIL_FROM: Option<u8> = None;
+
 /// Serial number in the controller's NAME: 21 bits of the chip's own, so that two controllers on a bus differ.
 fn identity() -> u32 {
     crc32(&embassy_stm32::uid::uid()) & 0x1F_FFFF
@@ -245,7 +248,10 @@ fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
 fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
     let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { keeper::stop("name") };
     let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else { keeper::stop("CAN") };
-    kept(&TOLD, || Told { bus: Bus::new(port, Node::new(name, ADDRESS), shared), was_valid: None })
+    kept(&TOLD, || {
+        let bus = Bus::new(port, Node::new(name, ADDRESS), shared);
+        Told { bus: OIL_FROM.into_iter().fold(bus, Bus::hearing_oil_from), was_valid: None }
+    })
 }
 
 #[inline(never)]
