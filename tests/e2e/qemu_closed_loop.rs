@@ -69,6 +69,13 @@ fn drive(scenario: &Scenario) -> LoopReport {
     }
 }
 
+/// Limit of the controller's proven stack.
+fn stack_limit_bytes() -> u32 {
+    let limits = include_str!("../../xtask/limits.toml");
+    let limit = limits.lines().find_map(|line| line.strip_prefix("controller_stack_bytes = "));
+    limit.expect("the limits have it").parse().expect("it is a number")
+}
+
 /// Drives through a shipped scenario; every expectation in it must be met, and no deadline missed.
 fn shipped(name: &str) -> LoopReport {
     let path = root().join("host-sim/scenarios").join(name);
@@ -79,6 +86,8 @@ fn shipped(name: &str) -> LoopReport {
     let broken: Vec<_> = report.findings.iter().filter(|finding| !finding.met).collect();
     assert!(broken.is_empty(), "{name}: {broken:#?}");
     assert_eq!(report.missed_deadlines, 0, "{report:?}");
+    // What was measured stays below what `cargo xtask budgets` proves, whose limit this is.
+    assert!(report.stack_bytes <= stack_limit_bytes(), "{} bytes of stack", report.stack_bytes);
     // Counters are consistent: a turn of `sample` for each millisecond, one of `estimate` for ten, and so on.
     let [sample, estimate, publish, store, supervise] = report.turns;
     assert_eq!([estimate, publish, store], [sample / 10, sample / 10, sample / 1000], "{report:?}");

@@ -33,6 +33,12 @@ pub fn build_for_qemu(workspace: &Workspace) -> Result<PathBuf> {
     build_for(workspace, QEMU_BOARD)
 }
 
+/// The controller that runs in QEMU, in release; returns the ELF.
+pub fn build_controller(workspace: &Workspace) -> Result<PathBuf> {
+    build_for_qemu(workspace)?;
+    existing(workspace.firmware_elf("kou-qemu-controller"))
+}
+
 /// A board's firmware, in release; returns the ELF.
 pub fn build_for(workspace: &Workspace, name: &str) -> Result<PathBuf> {
     for board in workspace.below("firmware/boards").filter(|board| board.name == name) {

@@ -1,17 +1,14 @@
-//! Worst-case stack of the vehicle's firmware: one stack, on which interrupts of rising priority stand above the thread.
+//! Worst-case stack of a controller's firmware: one stack, on which interrupts of rising priority stand above the thread.
 //!
 //! ```text
-//! thread executor, frame, executor of publish and supervise, frame, of the estimate, frame, of the sampling, frame,
-//! deepest of the other interrupts, frame, interrupt of damaged flash
+//! thread, frame, executor, frame, executor of higher priority, frame, ..., deepest of the other interrupts, frame,
+//! what may interrupt even those
 //! ```
 //!
-//! Each executor polls its tasks one after the other, so the deepest counts. The linker's names do not tell tasks apart, so the
-//! tasks in interrupts are known by what they call, and the thread is charged with the deepest of all.
-//! All other interrupts have one priority, so of them the deepest counts.
-//!
-//! Calls through registers are those of executors (to tasks), of wakers, of CAN's dynamic channels and of the log's
-//! transport; a further one is an error until it has a rule. Not counted: panics, and the writing of the note that a
-//! reset leaves; nothing comes after them but the reset.
+//! Each executor polls its tasks one after the other, so the deepest counts. The linker's names do not tell tasks apart, so a task
+//! is known by what it calls. Which interrupts and executors there are, and where calls through registers lead, is told board
+//! by board ([`super::boards`]); such a call without a rule is an error. Not counted: panics, and the writing of the note that a reset
+//! leaves; nothing comes after them but the reset.
 
 use std::path::Path;
 
@@ -21,54 +18,7 @@ use super::stack::{Program, Reach, Rule, frames};
 use super::{Figure, figure};
 
 /// Parts of the names of what an executor polls.
-const TASKS: &str = "TaskStorage$LT$F$GT$4poll";
-const WAKERS: &str = "embassy_executor3raw5waker";
-const CHANNELS: &str = "DynamicChannel$LT$T$GT$$GT$";
-const LOG: &str = "defmt_rtt7channel";
-
-const RULES: &[Rule] = &[
-    Rule { of: &["thread8Executor3run"], reach: &[Reach::Named(TASKS)] },
-    Rule { of: &[CHANNELS], reach: &[Reach::Named(WAKERS)] },
-    Rule { of: &["_defmt_acquire", "_defmt_release", "_defmt_write"], reach: &[Reach::Named(LOG)] },
-    Rule { of: &["store_item_inner"], reach: &[Reach::Named("map..Value$GT$14serialize_into")] },
-    Rule {
-        of: &["map..Value$GT$14serialize_into"],
-        reach: &[Reach::Named("storage..record..Fill$GT$4fill")],
-    },
-    Rule { of: &["calibration8prepared"], reach: &[Reach::Named("calibration..Place$GT$4make")] },
-    Rule { of: &["Channel9write_all"], reach: &[Reach::Named("blocking_write")] },
-    Rule {
-        of: &[
-            TASKS,
-            "controller3bus",
-            "FDCAN1_IT0",
-            "RxMode12on_interrupt",
-            "drop_in_place$LT$embassy_sync",
-            "g474re4told",
-        ],
-        reach: &[Reach::Named(WAKERS), Reach::Named(CHANNELS)],
-    },
-    Rule {
-        of: &[
-            "TIM5",
-            "embassy_time_schedule_wake",
-            "dma_bdma",
-            "adjust_reference_counter",
-            "next_expiration",
-            "embassy_sync9waitqueue",
-        ],
-        reach: &[Reach::Named(WAKERS)],
-    },
-];
-
-/// What polls the tasks of an executor in an interrupt: the interrupt's handler, or a function that all such executors share.
-const POLLS: &[&str] = &["UART4", "UART5", "LPUART1", "InterruptExecutor12on_interrupt"];
-const SAMPLE: Rule = Rule { of: POLLS, reach: &[Reach::Calling(TASKS, "AnalogState7observe")] };
-const ESTIMATE: Rule = Rule { of: POLLS, reach: &[Reach::Calling(TASKS, "controller8estimate4turn")] };
-const LOW: Rule = Rule {
-    of: POLLS,
-    reach: &[Reach::Calling(TASKS, "j19396signal6Signal"), Reach::Calling(TASKS, "Supervisor4look")],
-};
+pub const TASKS: &str = "TaskStorage$LT$F$GT$4poll";
 
 /// From here on nothing returns.
 const ENDS: &[&str] =
@@ -76,65 +26,83 @@ const ENDS: &[&str] =
 
 /// Exception frame with the floating-point registers, and its alignment.
 const FRAME: u32 = 26 * 4 + 4;
-/// Not maskable: it may stand on all others.
-const DAMAGED_FLASH: &str = "NonMaskableInt";
 /// How many of the largest frames are told.
 const LARGEST: usize = 40;
-/// Interrupts that are no executor's.
-const INTERRUPTS: [&str; 6] = ["TIM2", "TIM5", "DMA1_CHANNEL1", "DMA1_CHANNEL2", "FDCAN1_IT0", "FDCAN1_IT1"];
 
-/// The way on which each executor's stack is deepest, for people: what takes how much.
-pub fn ways(elf: &Path) -> Result<String> {
-    let program = Program::load(elf, RULES, ENDS, &[TASKS])?;
+/// A firmware's stack, level by level.
+pub struct Levels {
+    /// Where calls through registers lead.
+    pub rules: &'static [Rule],
+    /// Thread and executors, from the lowest priority to the highest.
+    pub executors: &'static [Level],
+    /// All other interrupts, which have one priority.
+    pub others: Level,
+    /// What may interrupt even those.
+    pub above_all: &'static [&'static str],
+    /// Keys and meanings of all stacks together, and of them with the static RAM.
+    pub sums: [(&'static str, &'static str); 2],
+}
+
+/// What shares one priority.
+pub struct Level {
+    /// Key of the figure.
+    pub key: &'static str,
+    /// Its meaning.
+    pub what: &'static str,
+    /// Functions that begin it: the linker's name, or a part of one function's.
+    pub entries: &'static [&'static str],
+    /// What the executor of this level polls.
+    pub polls: Option<Rule>,
+}
+
+impl Level {
+    fn depth(&self, program: &Program) -> Result<u32> {
+        let mut deepest = 0;
+        for entry in self.entries {
+            deepest = deepest.max(program.depth_by(entry, self.polls.as_ref())?);
+        }
+        Ok(deepest)
+    }
+}
+
+/// The way on which each level's stack is deepest, for people: what takes how much.
+pub fn ways(elf: &Path, levels: &Levels) -> Result<String> {
+    let program = Program::load(elf, levels.rules, ENDS, &[TASKS])?;
     let mut text = String::new();
-    let executors =
-        [("main", None), ("LPUART1", Some(&LOW)), ("UART5", Some(&ESTIMATE)), ("UART4", Some(&SAMPLE))];
-    let others = INTERRUPTS.into_iter().chain([DAMAGED_FLASH]).map(|name| (name, None));
-    for (name, rule) in executors.into_iter().chain(others) {
-        text += &program.told(name, rule)?;
+    for level in levels.executors.iter().chain([&levels.others]) {
+        for entry in level.entries {
+            text += &program.told(entry, level.polls.as_ref())?;
+        }
+    }
+    for entry in levels.above_all {
+        text += &program.told(entry, None)?;
     }
     text += "\nlargest frames, wherever they are\n";
     text += &frames(&program.largest(LARGEST));
     Ok(text)
 }
 
-/// Stack of the thread, of the three executors in interrupts, of the other interrupts, all together, and with the static RAM.
-pub fn figures(elf: &Path, static_ram: u64) -> Result<[Figure; 7]> {
-    let program = Program::load(elf, RULES, ENDS, &[TASKS])?;
-    let thread = program.depth_of("main")?;
-    let estimate = program.depth_by("UART5", Some(&ESTIMATE))?;
-    let sample = program.depth_by("UART4", Some(&SAMPLE))?;
-    let low = program.depth_by("LPUART1", Some(&LOW))?;
-    let mut others = 0;
-    for name in INTERRUPTS {
-        others = others.max(program.depth_of(name)?);
+/// Stack of each level, of all together, and with the static RAM.
+pub fn figures(elf: &Path, levels: &Levels, static_ram: u64) -> Result<Vec<Figure>> {
+    let program = Program::load(elf, levels.rules, ENDS, &[TASKS])?;
+    let mut figures = Vec::new();
+    let mut stack = 0;
+    for level in levels.executors.iter().chain([&levels.others]) {
+        let depth = level.depth(&program)?;
+        figures.push(figure(level.key, level.what, "bytes", depth.into()));
+        // Whatever stands on the level below saves registers there first; the thread stands on nothing.
+        stack += u64::from(depth) + if figures.len() > 1 { u64::from(FRAME) } else { 0 };
     }
-    let above_all = program.depth_of(DAMAGED_FLASH)?;
-    let stack = u64::from(thread + low + estimate + sample + others + above_all + 5 * FRAME);
-    let bytes = |key, what, value| figure(key, what, "bytes", value);
-    Ok([
-        bytes("g474_thread_stack_bytes", "G474 firmware: stack of the thread, static bound", thread.into()),
-        bytes(
-            "g474_low_stack_bytes",
-            "G474 firmware: stack of the executor of publish and supervise, static bound",
-            low.into(),
-        ),
-        bytes(
-            "g474_estimate_stack_bytes",
-            "G474 firmware: stack of the estimate's executor, static bound",
-            estimate.into(),
-        ),
-        bytes(
-            "g474_sample_stack_bytes",
-            "G474 firmware: stack of the sampling's executor, static bound",
-            sample.into(),
-        ),
-        bytes(
-            "g474_interrupt_stack_bytes",
-            "G474 firmware: stack of the other interrupts, static bound",
-            others.into(),
-        ),
-        bytes("g474_stack_bytes", "G474 firmware: all stacks and frames, static bound", stack),
-        bytes("g474_ram_and_stack_bytes", "G474 firmware: static RAM and stack", static_ram + stack),
-    ])
+    for entry in levels.above_all {
+        stack += u64::from(program.depth_of(entry)? + FRAME);
+    }
+    let [all, with_ram] = levels.sums;
+    figures.push(figure(all.0, all.1, "bytes", stack));
+    figures.push(figure(with_ram.0, with_ram.1, "bytes", static_ram + stack));
+    Ok(figures)
+}
+
+/// A rule of an interrupt's handler, or of a function that all executors in interrupts share: what is polled.
+pub const fn polls(of: &'static [&'static str], reach: &'static [Reach]) -> Option<Rule> {
+    Some(Rule { of, reach })
 }

@@ -1,5 +1,6 @@
 //! What the firmware costs, against the committed limits. How each figure is counted: `docs/budgets.md`.
 
+mod boards;
 mod count;
 mod elf;
 mod executors;
@@ -65,7 +66,8 @@ pub fn stacks() -> Result<()> {
     setup::run()?;
     let workspace = Workspace::load()?;
     print!("{}", stack::estimator_ways(&firmware::build_check(&workspace, ESTIMATOR_ONLY)?)?);
-    print!("{}", executors::ways(&firmware::build_for(&workspace, firmware::VEHICLE_BOARD)?)?);
+    print!("{}", executors::ways(&firmware::build_for(&workspace, firmware::VEHICLE_BOARD)?, &boards::G474)?);
+    print!("{}", executors::ways(&firmware::build_controller(&workspace)?, &boards::QEMU)?);
     Ok(())
 }
 
@@ -82,7 +84,8 @@ type Source = fn(&Workspace) -> Result<Vec<Figure>>;
 
 /// All figures that can be had, and every complaint. One source that fails does not hide the figures of the others.
 fn judged(workspace: &Workspace, limits: &Limits) -> (Vec<Figure>, Vec<String>) {
-    let sources: [Source; 5] = [counted, estimator_alone, board_sections, board_stack, vehicle_sections];
+    let sources: [Source; 6] =
+        [counted, estimator_alone, board_sections, board_stack, controller_sections, vehicle_sections];
     let mut figures = Vec::new();
     let mut complaints = Vec::new();
     for source in sources {
@@ -148,6 +151,23 @@ fn board_stack(workspace: &Workspace) -> Result<Vec<Figure>> {
     Ok(vec![figure("firmware_stack_bytes", what, "bytes", bytes as u64)])
 }
 
+/// Of the controller that runs in QEMU.
+fn controller_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
+    let elf = firmware::build_controller(workspace)?;
+    let sizes = elf::sizes(&elf)?;
+    let mut figures = vec![
+        figure(
+            "controller_flash_bytes",
+            "QEMU controller: flash (code, constants, initial RAM)",
+            "bytes",
+            sizes.flash(),
+        ),
+        figure("controller_ram_bytes", "QEMU controller: static RAM", "bytes", sizes.ram()),
+    ];
+    figures.extend(executors::figures(&elf, &boards::QEMU, sizes.ram())?);
+    Ok(figures)
+}
+
 /// Of the firmware for the vehicle's board.
 fn vehicle_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
     let elf = firmware::build_for(workspace, firmware::VEHICLE_BOARD)?;
@@ -161,7 +181,7 @@ fn vehicle_sections(workspace: &Workspace) -> Result<Vec<Figure>> {
         ),
         figure("g474_ram_bytes", "G474 firmware: static RAM", "bytes", sizes.ram()),
     ];
-    figures.extend(executors::figures(&elf, sizes.ram())?);
+    figures.extend(executors::figures(&elf, &boards::G474, sizes.ram())?);
     Ok(figures)
 }
 

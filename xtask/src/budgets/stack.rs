@@ -193,9 +193,14 @@ impl Program {
 
     fn start_of(&self, name: &str) -> Result<(u32, &Function)> {
         let found = self.functions.iter().find(|(_, function)| function.name == name);
+        let by_part = || {
+            let mut named = self.functions.iter().filter(|(_, function)| function.name.contains(name));
+            named.next().filter(|_| named.next().is_none())
+        };
         found
+            .or_else(by_part)
             .map(|(at, function)| (*at, function))
-            .with_context(|| format!("the binary has no function `{name}`"))
+            .with_context(|| format!("not exactly one function of the binary is named `{name}`"))
     }
 
     fn known_from(&self, name: &str, first: Option<&Rule>) -> Result<(BTreeMap<u32, Deepest>, Deepest)> {
@@ -393,6 +398,16 @@ mod tests {
         let p = program(&[(0, 8, &[10, 20]), (10, 100, &[]), (20, 16, &[30]), (30, 96, &[])]);
         assert_eq!(p.way_by("f0", None).unwrap(), [("f0", 8), ("f20", 16), ("f30", 96)]);
         assert_eq!(p.largest(2), [("f10", 100), ("f30", 96)]);
+    }
+
+    #[test]
+    fn a_function_is_found_by_its_name_or_by_a_part_that_no_other_has() {
+        let mut p = program(&[(1, 8, &[]), (10, 100, &[]), (20, 50, &[])]);
+        assert_eq!(p.depth_of("f1").unwrap(), 8, "the whole name comes first");
+        assert_eq!(p.depth_of("20").unwrap(), 50);
+        p.functions.get_mut(&20).unwrap().name = "f101".to_owned();
+        assert!(p.depth_of("10").is_err(), "two have it");
+        assert!(p.depth_of("f2").is_err());
     }
 
     #[test]
