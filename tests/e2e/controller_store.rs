@@ -24,7 +24,9 @@ use kou_app::sensors::adc::{Input, NoCounts};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::ram::Torn;
-use kou_app::storage::{HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store};
+use kou_app::storage::{
+    HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store, StoredCalibration,
+};
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, KeySource, Service, Session};
 use kou_estimator::State;
@@ -243,6 +245,24 @@ fn a_calibration_on_its_way_to_the_estimator_is_not_overwritten_by_what_is_to_be
     assert!(run.controller.output(Micros(Instant::now().as_micros())).is_ok());
     let kept = read::<FaultMemory>(&run.flash).unwrap();
     assert!(kept.get(Code::BusSilent).is_some(), "written a turn later: {kept:?}");
+}
+
+#[test]
+fn a_stored_calibration_that_is_refused_is_a_trouble_and_the_rest_is_kept_all_the_same() {
+    let _guard = clock();
+    // Whole, but with a field that no version accepts, as after an update of the firmware with narrower ranges.
+    let mut calibration = reference_calibration();
+    calibration.law.c = 1000.0;
+    let record = record_of(&calibration);
+    let flash = with_records(async |store| {
+        store.write(&StoredCalibration { counter: 3, record: &record }).await.unwrap();
+    });
+    let run = run(flash, None, power_on(), Vec::new(), NOT_BUSY, 9_000);
+    assert_eq!(run.controller.calibration().map(|c| c.source), Some(CalibrationSource::None));
+    let kept = read::<FaultMemory>(&run.flash).expect("troubles are kept");
+    assert!(kept.get(Code::CalibrationLost).is_some(), "{kept:?}");
+    let hours = read::<Life>(&run.flash).unwrap();
+    assert!(hours.operating_s >= 5, "{hours:?}");
 }
 
 #[test]

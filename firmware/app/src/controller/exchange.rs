@@ -70,10 +70,15 @@ impl Slot {
 impl Place for Slot {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
         *self = Self::Calibration(None, None);
-        if let Self::Calibration(place, _) = self {
-            place.make(calibration)?;
+        let made = match self {
+            Self::Calibration(place, _) => place.make(calibration),
+            _ => Ok(()),
+        };
+        if made.is_err() {
+            // Not to lie in the way of what comes next.
+            *self = Self::Empty;
         }
-        Ok(())
+        made
     }
 }
 
