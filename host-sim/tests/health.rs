@@ -7,25 +7,11 @@ use host_sim::evaluate::{Course, Event, Looks, Run, Setting, Share, Tally, World
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 use kou_estimator::{Calibration, State, state_record, step};
-use support::{Folder, json};
+use support::{Folder, calibrated};
 
-fn calibrated() -> (Setting, Calibration) {
+fn set_up() -> (Setting, Calibration) {
     let folder = Folder::new();
-    let out = folder.path("cal.toml");
-    json([
-        "identify",
-        "--bench",
-        "tests/data/bench_45.csv",
-        "--machine",
-        "host-sim/machines/reference.toml",
-        "--model",
-        "rom",
-        "--class",
-        "B",
-        "--out",
-        out.to_str().unwrap(),
-        "--json",
-    ]);
+    let out = calibrated(&folder, "B");
     let (calibration, params) = host_sim::calibration::read_checked(&out).unwrap();
     let law = &calibration.law;
     let limits = [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()];
@@ -36,7 +22,7 @@ fn calibrated() -> (Setting, Calibration) {
 }
 
 fn setting() -> Setting {
-    calibrated().0
+    set_up().0
 }
 
 fn leak(share: f64) -> Course {
@@ -75,7 +61,7 @@ fn prop_leaks_are_never_blamed_on_a_sensor_and_large_ones_are_confirmed_as_wear(
 
 #[test]
 fn prop_sensor_faults_and_air_are_not_confirmed_as_wear_and_the_report_keeps_them_open() {
-    let (setting, calibration) = calibrated();
+    let (setting, calibration) = set_up();
     let named = faults(&setting.params, &calibration.oil).unwrap();
     let courses: Vec<Course> = named
         .iter()

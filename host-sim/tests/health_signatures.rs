@@ -10,7 +10,7 @@ use kou_estimator::health::Cause;
 use kou_estimator::reduced::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
-use support::{Folder, json};
+use support::{Folder, calibrated};
 
 /// An oil whose bulk modulus falls with temperature as mineral oils' does, so that both parts of the temperature's signature
 /// matter.
@@ -18,19 +18,7 @@ const BULK_MODULUS_PER_K: f32 = -0.005;
 
 fn params() -> Params {
     let folder = Folder::new();
-    let out = folder.path("cal.toml");
-    json([
-        "identify",
-        "--bench",
-        "tests/data/bench_45.csv",
-        "--machine",
-        "host-sim/machines/reference.toml",
-        "--model",
-        "rom",
-        "--out",
-        out.to_str().unwrap(),
-        "--json",
-    ]);
+    let out = calibrated(&folder, "A");
     let (mut calibration, _) = read_checked(&out).unwrap();
     calibration.oil.bulk_modulus_per_k = BULK_MODULUS_PER_K;
     Params::new(&calibration).unwrap()

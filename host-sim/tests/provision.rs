@@ -2,12 +2,12 @@
 
 mod support;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kou_app::update::{Key, provision};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
-use support::{Folder, failure, host_sim, json};
+use support::{Folder, calibrated, failure, host_sim};
 
 /// As a random number generator would give them: neither text nor one byte repeated.
 fn secret() -> [u8; provision::KEY_LEN] {
@@ -16,23 +16,6 @@ fn secret() -> [u8; provision::KEY_LEN] {
 
 fn digits(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-fn calibrated(folder: &Folder) -> PathBuf {
-    let out = folder.path("cal.toml");
-    json([
-        "identify",
-        "--bench",
-        "tests/data/bench_45.csv",
-        "--machine",
-        "host-sim/machines/reference.toml",
-        "--model",
-        "rom",
-        "--out",
-        out.to_str().unwrap(),
-        "--json",
-    ]);
-    out
 }
 
 fn command(calibration: Option<&Path>, key: Option<&Path>, out: &Path) -> Vec<String> {
@@ -58,7 +41,7 @@ fn decoded(page: &[u8; provision::LEN]) -> Option<Calibration> {
 #[test]
 fn a_page_gives_the_controller_the_very_calibration_and_key_and_nothing_that_was_not_given() {
     let folder = Folder::new();
-    let toml = calibrated(&folder);
+    let toml = calibrated(&folder, "A");
     let given = host_sim::calibration::read(&toml).unwrap();
     let binary = folder.path("cal.bin");
     host_sim::calibration::write(&binary, &given).unwrap();
@@ -89,7 +72,7 @@ fn a_page_gives_the_controller_the_very_calibration_and_key_and_nothing_that_was
 fn a_calibration_that_the_controller_would_refuse_is_refused_by_the_name_of_its_field_and_no_page_is_written()
 {
     let folder = Folder::new();
-    let toml = calibrated(&folder);
+    let toml = calibrated(&folder, "A");
     let out = folder.path("page.bin");
     let text = std::fs::read_to_string(&toml).unwrap();
     let line = text.lines().find(|line| line.starts_with("bulk_modulus_mpa = ")).unwrap();
@@ -167,7 +150,7 @@ fn a_page_of_nothing_and_a_page_without_a_place_are_refused() {
 #[test]
 fn a_page_replaces_an_older_file_whole_but_never_one_of_its_inputs() {
     let folder = Folder::new();
-    let toml = calibrated(&folder);
+    let toml = calibrated(&folder, "A");
     let key = folder.write("raw.key", secret());
     // Longer than a page: no byte of it may be left.
     let out = folder.write("page.bin", [0x55; 2 * provision::LEN]);

@@ -42,6 +42,15 @@ pub fn json<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -
     value
 }
 
+/// A calibration of the reference machine from the shipped bench table, by the reduced model because that is quick.
+pub fn calibrated(folder: &Folder, class: &str) -> PathBuf {
+    let out = folder.path("cal.toml");
+    let files = ["--bench", "tests/data/bench_45.csv", "--machine", "host-sim/machines/reference.toml"];
+    let options = ["--model", "rom", "--class", class, "--json", "--out", out.to_str().unwrap()];
+    json(["identify"].iter().chain(&files).chain(&options));
+    out
+}
+
 /// Runs it, demands the exit code and nothing on standard output, and returns what standard error says.
 pub fn failure<S: AsRef<std::ffi::OsStr>>(code: i32, arguments: impl IntoIterator<Item = S>) -> String {
     let output = host_sim(arguments);
