@@ -130,12 +130,6 @@ pub struct Trouble {
 pub struct Troubles(Vec<Trouble, CAPACITY>);
 
 impl Troubles {
-    /// None.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self(Vec::new())
-    }
-
     /// All of them, in the memory's order.
     #[must_use]
     pub fn all(&self) -> &[Trouble] {
