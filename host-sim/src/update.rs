@@ -15,7 +15,7 @@ use kou_app::update::{Key, Transfer};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
 
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Bytes that are read of a key file: more than digits and white space around them need, and a wrong file may be endless.
 const LONGEST_KEY_FILE: u64 = 1024;

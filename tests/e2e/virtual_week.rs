@@ -13,8 +13,6 @@ use std::task::{Context, Waker};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
-use host_sim::input::TomlFile;
-use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
     Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
@@ -30,6 +28,8 @@ use kou_app::storage::{HealthRecord, Life, RamFlash, ResetCause, Store};
 use kou_app::update::{NoKey, Service, Session};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
+use kou_lumped::machine::Machine;
+use kou_records::TomlFile;
 use kou_tests::{record_of, reference_calibration};
 
 /// One minute, with idling, partial and reversed displacement, and a failing sensor.

@@ -8,9 +8,9 @@ use kou_app::update::provision;
 use kou_estimator::calibration::record;
 
 use super::Failure;
-use crate::calibration;
-use crate::input::InputError;
 use crate::update::read_key_bytes;
+use kou_identify::calibration;
+use kou_records::InputError;
 
 /// Writes the image of the provisioning page: the controller's key, and a calibration to begin with.
 ///

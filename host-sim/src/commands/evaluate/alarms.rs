@@ -8,7 +8,7 @@ use kou_estimator::{Calibration, Params};
 
 use crate::commands::Failure;
 use crate::evaluate::Setting;
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Run lengths tried, in hours.
 const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];

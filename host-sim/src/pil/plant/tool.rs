@@ -10,7 +10,7 @@ use kou_estimator::{Calibration, Params};
 use serde::Serialize;
 
 use super::scenario::{Scenario, Update};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Source address of the service tool by the standard.
 const TOOL: u8 = 0xF9;
