@@ -14,7 +14,7 @@ use super::replay::figures_text;
 use super::{Failure, print_json, print_text, progress};
 use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
-use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
+use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
 use kou_identify::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
@@ -129,7 +129,7 @@ fn stream(
             None
         }
     });
-    let (mut summary, mut trace, mut state) = (Summary::default(), Trace::default(), State::new());
+    let (mut summary, mut trace, mut state) = (Summary::default(), EstimateTrace::default(), State::new());
     let mut health = HealthSummary::default();
     let (mut mismatches, mut unwritten) = (0_u64, None);
     let bar = progress("through the firmware");
@@ -140,7 +140,7 @@ fn stream(
         summary.add(of_firmware);
         health.add(of_firmware);
         if let Some(row) = under_way.borrow_mut().rows.pop_front() {
-            trace.add(row.time_s, of_firmware);
+            trace.push(row.time_s, of_firmware);
             if let Some(writer) = &mut writer
                 && unwritten.is_none()
             {
@@ -158,7 +158,7 @@ fn stream(
         writer.finish()?;
     }
     if let Some(path) = &args.plot {
-        draw(path, &format!("Firmware in QEMU on {}", log_path.display()), &trace)?;
+        trace.draw(path, &format!("Firmware in QEMU on {}", log_path.display()))?;
     }
     Ok(Report {
         figures: summary.figures(),

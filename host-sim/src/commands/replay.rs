@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::given::mapping;
 use super::{Failure, print_json, print_text, progress};
-use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
+use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
 use kou_identify::calibration;
 use kou_records::LogReader;
 
@@ -59,7 +59,7 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
     let mut log = LogReader::open(&args.log, &mapping(args.map.as_deref())?)?;
     let mut writer =
         args.out.as_deref().map(|path| EstimateWriter::create(path, &log.carried_names())).transpose()?;
-    let (mut summary, mut trace, mut state) = (Summary::default(), Trace::default(), State::new());
+    let (mut summary, mut trace, mut state) = (Summary::default(), EstimateTrace::default(), State::new());
     let mut health = HealthSummary::default();
     let bar = progress("replay");
     let started = Instant::now();
@@ -69,7 +69,7 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
         summary.add(&estimate);
         health.add(&estimate);
         if args.plot.is_some() {
-            trace.add(row.time_s, &estimate);
+            trace.push(row.time_s, &estimate);
         }
         if let Some(writer) = &mut writer {
             writer.write(&row, &estimate)?;
@@ -83,7 +83,7 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
     }
     let figures = summary.figures();
     if let Some(path) = &args.plot {
-        draw(path, &format!("Replay of {}", args.log.display()), &trace)?;
+        trace.draw(path, &format!("Replay of {}", args.log.display()))?;
     }
     let samples_per_s = figures.samples as f64 / elapsed_s;
     let health = health.figures(params, &state);

@@ -27,7 +27,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let study =
         Study::new(&machine, &points, &settings, &full, &prior).map_err(|e| e.at_file(&args.given.bench))?;
-    std::fs::write(&args.out, report::html(&machine, &study))
+    std::fs::write(&args.out, report::html(&machine, &study)?)
         .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&args.out))?;
     print_text(&format!("report written to {}", args.out.display()))
 }

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::lines::{Lines, Series};
 use super::point::Point;
 use super::{Failure, print_json, print_text};
+use crate::plots::{Chart, Series, svg_file};
 use kou_lumped::Held;
 use kou_lumped::transient::swash_step;
 
@@ -55,17 +55,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let started = Instant::now();
     let response = swash_step(&model, &operating, &args.point.settings(), args.duration_s)?;
     let wall_seconds = started.elapsed().as_secs_f64();
-    let picture = Lines {
-        title: "Response to a swash step",
-        x: "time_s",
-        y: "n_m_rpm",
-        series: vec![Series::new("motor speed", response.trace.iter().map(|row| (row[0], row[1])))],
-    };
+    let speed = Series::line("motor speed", response.trace.iter().map(|row| (row[0], row[1])));
+    let chart = Chart::new("Response to a swash step", "time, s", "motor speed, r/min", vec![speed]);
     if let Some(path) = &args.out {
-        picture.write_csv(path)?;
+        chart.write_csv(path, ["time_s", "n_m_rpm"])?;
     }
     if let Some(path) = &args.plot {
-        picture.draw(path)?;
+        svg_file::draw_single(path, &chart)?;
     }
     let report = Report {
         n_m_steady_rpm: response.n_m_steady_rpm,

@@ -2,10 +2,10 @@
 
 mod health;
 mod output;
-mod plot;
 mod summary;
+mod trace;
 
 pub use health::{HealthFigures, HealthSummary};
 pub use output::EstimateWriter;
-pub use plot::{Trace, draw};
 pub use summary::{Figures, Summary, reason_label};
+pub use trace::EstimateTrace;

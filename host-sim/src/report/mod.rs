@@ -2,36 +2,38 @@
 //!
 //! | module | duty |
 //! |---|---|
-//! | `study` | the numbers: three schemes compared, curves of the full model |
-//! | `plots` | the paper's figures 8, 12, 13, 14 and 16 for this machine, and residuals |
+//! | `study` | the numbers: three schemes compared, curves of the lumped model |
+//! | `charts` | the paper's figures 8, 12, 13, 14 and 16 for this machine, and residuals |
 //! | `tables` | the numbers as tables and sentences |
-//! | `chart` | one chart as inline SVG |
 //!
 //! The page works from a mail attachment and on paper; its script adds readings under the pointer and a legend that
 //! switches series.
 
-mod chart;
-mod plots;
+mod charts;
 mod study;
 mod tables;
 
 pub use study::Study;
 
 use kou_lumped::machine::Machine;
+use kou_records::InputError;
+
+use crate::plots::html::{escape, figure};
 
 /// Skeleton with style and script.
 const PAGE: &str = include_str!("page.html");
 
 /// The whole page.
-#[must_use]
-pub fn html(machine: &Machine, study: &Study) -> String {
-    let title = format!("Leakage calibration: {}", machine.name());
+///
+/// # Errors
+/// When a chart cannot be drawn.
+pub fn html(machine: &Machine, study: &Study) -> Result<String, InputError> {
+    let title = escape(&format!("Leakage calibration: {}", machine.name()));
+    let figures: String = charts::all(machine, study).iter().map(figure).collect::<Result<_, _>>()?;
     let body = format!(
-        "<h1>{}</h1>\n{}<div class=\"charts\">\n{}</div>\n{}",
-        chart::escape(&title),
+        "<h1>{title}</h1>\n{}<div class=\"charts\">\n{figures}</div>\n{}",
         tables::head(study),
-        plots::all(machine, study).iter().map(chart::Chart::html).collect::<String>(),
         tables::tail(study)
     );
-    PAGE.replace("@TITLE@", &chart::escape(&title)).replace("@BODY@", &body)
+    Ok(PAGE.replace("@TITLE@", &title).replace("@BODY@", &body))
 }

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use kou_identify::{Identification, TERMS, coefficients, physical};
 
-use super::chart::escape;
 use super::study::Study;
+use crate::plots::html::escape;
 
 fn table(heading: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut text = String::from("<table><thead><tr>");
@@ -28,7 +28,7 @@ fn mean_loo_pct(result: &Identification) -> f64 {
     100.0 * result.points.iter().map(|p| p.leave_one_out.abs()).sum::<f64>() / result.points.len() as f64
 }
 
-/// What stands before the charts: provenance, comparison, unknowns.
+/// Text before the charts: provenance, comparison of schemes, estimated quantities.
 pub fn head(study: &Study) -> String {
     let joint = &study.joint;
     let about = &joint.calibration.provenance;
@@ -61,16 +61,16 @@ pub fn head(study: &Study) -> String {
             ],
         ],
     );
-    text += "<h2>What was found besides the law</h2>\n";
+    text += "<h2>Other estimated quantities</h2>\n";
     text += &table(
-        &["quantity", "change from the file, %", "standard error, %", "known before to, %", "determined by"],
+        &["quantity", "change from the file, %", "standard error, %", "prior standard error, %", "determined by"],
         joint.unknowns.iter().filter(|u| u.prior_se.is_some()).map(|u| {
             vec![
                 u.name.clone(),
                 format!("{:+.3}", 100.0 * u.value),
                 format!("{:.3}", 100.0 * u.se),
                 format!("{:.1}", 100.0 * u.prior_se.unwrap_or(0.0)),
-                if u.by_data() { "the points".into() } else { "what was known before".into() },
+                if u.by_data() { "the points".into() } else { "the prior".into() },
             ]
         }),
     );
@@ -86,7 +86,7 @@ pub fn head(study: &Study) -> String {
     text
 }
 
-/// What stands behind the charts: law, points left out, outliers, region, advice.
+/// Text after the charts: law, points left out, outliers, region, proposed measurements.
 pub fn tail(study: &Study) -> String {
     let joint = &study.joint;
     let law = &joint.fit.law;

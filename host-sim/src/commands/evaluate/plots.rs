@@ -1,4 +1,4 @@
-//! Pictures of a study: measured curves beside those that `docs/health.md` derives.
+//! Plots of a study: measured curves and those that `docs/health.md` derives.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use kou_estimator::health::HealthConfig;
 use super::alarms::{Alarms, MISFITS, threshold};
 use super::{Coverage, Detection};
 use crate::commands::Failure;
-use crate::commands::lines::{Lines, Series};
-use kou_records::InputError;
+use crate::output_file::create_folder;
+use crate::plots::{Chart, Series, svg_file};
 
-/// Draws measured curves beside derived ones.
+/// Draws measured and derived curves.
 pub(super) fn draw(
     folder: &Path,
     detections: &[Detection],
@@ -19,34 +19,23 @@ pub(super) fn draw(
     health: &HealthConfig,
     open: f64,
 ) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| InputError::new(format!("cannot be made: {e}")).at_file(folder))?;
+    create_folder(folder)?;
     let measured = |of: fn(&Detection) -> Option<f64>| {
         detections.iter().filter_map(move |d| Some((100.0 * d.share, of(d)?)))
     };
     let shares = (6..=100).map(|i| f64::from(i) / 100.0);
     let derived = shares.filter_map(|share| Some((100.0 * share, derived_delay_s(health, open, share)?)));
-    let delay = Lines {
-        title: "Delay from the onset of a leak that grows within a minute to its report",
-        x: "change of leakage, %",
-        y: "judged driving, s",
-        series: vec![
-            Series::new("median of runs", measured(|d| d.delay_s_median)),
-            Series::new("95 % of runs", measured(|d| d.delay_s_95)),
-            Series::new("derived", derived.filter(|(_, delay)| *delay < 300.0)),
-        ],
-    };
-    let intervals = Lines {
-        title: "Intervals of the level: how often they hold the truth",
-        x: "nominal probability",
-        y: "share of worlds",
-        series: vec![
-            Series::new("measured", coverage.level.iter().copied()),
-            Series::new("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),
-        ],
-    };
+    let delay = Chart::new("Delay from the onset of a leak that grows within a minute to its report", "change of leakage, %", "judged driving, s", vec![
+            Series::line("median of runs", measured(|d| d.delay_s_median)),
+            Series::line("95 % of runs", measured(|d| d.delay_s_95)),
+            Series::line("derived", derived.filter(|(_, delay)| *delay < 300.0)),
+        ]);
+    let intervals = Chart::new("Intervals of the level: how often they hold the truth", "nominal probability", "share of worlds", vec![
+            Series::line("measured", coverage.level.iter().copied()),
+            Series::line("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),
+        ]);
     let log = |of: f64| of.log10();
-    let mut series = vec![Series::new(
+    let mut series = vec![Series::line(
         "derived: at most",
         alarms.iter().filter(|a| a.misfits == 1.0).map(|a| (a.threshold, log(a.derived_per_1000_h))),
     )];
@@ -62,19 +51,14 @@ pub(super) fn draw(
         let points = of_it.filter(|a| none_seen || a.reports > 0).map(|a| {
             (a.threshold, log(1000.0 * if none_seen { 3.0 } else { f64::from(a.reports) } / a.hours))
         });
-        series.push(Series::new(name, points));
+        series.push(Series::line(name, points));
     }
-    let false_reports = Lines {
-        title: "False reports of a healthy machine against the threshold of the sum",
-        x: "threshold, log-likelihood ratio",
-        y: "log10 of false reports per 1000 h",
-        series,
-    };
-    for (name, lines) in
+    let false_reports = Chart::new("False reports of a healthy machine against the threshold of the sum", "threshold, log-likelihood ratio", "log10 of false reports per 1000 h", series);
+    for (name, chart) in
         [("health_delay", delay), ("health_coverage", intervals), ("health_false_reports", false_reports)]
     {
-        lines.write_csv(&folder.join(format!("{name}.csv")))?;
-        lines.draw(&folder.join(format!("{name}.svg")))?;
+        chart.write_csv(&folder.join(format!("{name}.csv")), [chart.x_label, chart.y_label])?;
+        svg_file::draw_single(&folder.join(format!("{name}.svg")), &chart)?;
     }
     Ok(())
 }
