@@ -1,4 +1,4 @@
-//! Command line of `host-sim`. Exit codes: 0 fine, 1 a check failed, 2 bad input.
+//! CliCommand line of `host-sim`. Exit codes: 0 fine, 1 a check failed, 2 bad input.
 
 use std::process::ExitCode;
 
@@ -13,11 +13,11 @@ use host_sim::commands::{
 #[command(version, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: CliCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum CliCommand {
     Identify(identify::Args),
     Replay(replay::Args),
     Pil(pil::Args),
@@ -42,19 +42,19 @@ fn command_line_is_consistent() {
 
 fn main() -> ExitCode {
     let result: Result<(), Failure> = match Cli::parse().command {
-        Command::Identify(args) => identify::run(&args),
-        Command::Replay(args) => replay::run(&args),
-        Command::Pil(args) => pil::run(&args),
-        Command::Synth(args) => synth::run(&args),
-        Command::Verify(args) => verify::run(&args),
-        Command::Report(args) => report::run(&args),
-        Command::Evaluate(args) => evaluate::run(&args),
-        Command::Simulate(args) => simulate::run(&args),
-        Command::Step(args) => step::run(&args),
-        Command::Paper(args) => paper::run(&args),
-        Command::Dbc(args) => dbc::run(&args),
-        Command::Update(args) => update::run(&args),
-        Command::Provision(args) => provision::run(&args),
+        CliCommand::Identify(args) => identify::run(&args),
+        CliCommand::Replay(args) => replay::run(&args),
+        CliCommand::Pil(args) => pil::run(&args),
+        CliCommand::Synth(args) => synth::run(&args),
+        CliCommand::Verify(args) => verify::run(&args),
+        CliCommand::Report(args) => report::run(&args),
+        CliCommand::Evaluate(args) => evaluate::run(&args),
+        CliCommand::Simulate(args) => simulate::run(&args),
+        CliCommand::Step(args) => step::run(&args),
+        CliCommand::Paper(args) => paper::run(&args),
+        CliCommand::Dbc(args) => dbc::run(&args),
+        CliCommand::Update(args) => update::run(&args),
+        CliCommand::Provision(args) => provision::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

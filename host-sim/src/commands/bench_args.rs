@@ -1,23 +1,18 @@
-//! What several commands are given alike, so that they cannot read it differently.
+//! Arguments of `identify` and `report`: bench table, machine, prior knowledge.
 //!
-//! `identify` and `report`: points, machine, and what is known beforehand; one set of options for both, so that the page signed
-//! tells of the very fit that the calibration is from. `evaluate` and `verify`: a machine and its calibration.
+//! One set for both, so that the report describes the very fit that the calibration is from.
 
 use std::path::{Path, PathBuf};
 
-use kou_estimator::{Calibration, Params};
-
-use super::Failure;
-use kou_identify::calibration::{self, SensorClass, Settings};
+use super::failure::Failure;
+use kou_identify::calibration::{SensorClass, Settings};
 use kou_identify::joint::Prior;
 use kou_lumped::machine::Machine;
-use kou_records::InputError;
-use kou_records::Mapping;
-use kou_records::{BenchPoint, read_bench, without_repeats};
+use kou_records::{BenchPoint, InputError, Mapping, read_bench, without_repeats};
 
 /// Bench points, machine and prior knowledge.
 #[derive(Debug, clap::Args)]
-pub struct Given {
+pub struct BenchArgs {
     /// Bench table (CSV): n_p_rpm, p_h_mpa, t_b_c, ratio and optionally alpha, p_l_mpa.
     #[arg(long, value_name = "POINTS.csv")]
     pub bench: PathBuf,
@@ -39,35 +34,35 @@ pub struct Given {
     /// Serial number of the machine on the bench.
     #[arg(long, default_value = "")]
     pub serial: String,
-    /// Day of the bench test, as it shall stand in the calibration.
+    /// Date of the bench test, copied into the calibration.
     #[arg(long, default_value = "")]
     pub date: String,
-    /// ISO 4409 class of the sensors on the controller, for the standard error of the coefficient seen.
+    /// ISO 4409 class of the sensors on the controller, for the standard error of the observed coefficient.
     #[arg(long, value_enum, default_value = "A")]
     pub class: SensorClass,
 }
 
-/// The same, read and checked.
+/// Contents of the files, checked.
 #[derive(Debug)]
-pub struct Read {
+pub struct BenchInputs {
     /// The machine.
     pub machine: Machine,
     /// The points, each once.
     pub points: Vec<BenchPoint>,
-    /// Rows that repeat another one, with that one's line.
+    /// Rows that repeat another one, with the line of that one.
     pub repeated: Vec<(BenchPoint, u64)>,
-    /// What the calibration says of its origin.
+    /// Origin that the calibration records.
     pub settings: Settings,
-    /// What is known beforehand.
+    /// Prior knowledge.
     pub prior: Prior,
 }
 
-impl Given {
+impl BenchArgs {
     /// Reads the files.
     ///
     /// # Errors
-    /// A file that cannot be read or says something impossible.
-    pub fn read(&self) -> Result<Read, Failure> {
+    /// A file that cannot be read or holds an impossible value.
+    pub fn read(&self) -> Result<BenchInputs, Failure> {
         let machine = Machine::load(&self.machine)?;
         let points = read_bench(
             &self.bench,
@@ -88,42 +83,11 @@ impl Given {
             ratio: self.ratio_error,
             ..Prior::default()
         };
-        Ok(Read { machine, points, repeated, settings, prior })
+        Ok(BenchInputs { machine, points, repeated, settings, prior })
     }
 }
 
-/// A machine and its calibration.
-#[derive(Debug, clap::Args)]
-pub struct Calibrated {
-    /// Machine file (TOML); it must be the calibration's.
-    #[arg(long, value_name = "M.toml")]
-    pub machine: PathBuf,
-    /// Calibration: TOML or binary record.
-    #[arg(long, value_name = "CAL.toml")]
-    pub calibration: PathBuf,
-}
-
-impl Calibrated {
-    /// Reads the files; the calibration also as the estimator takes it.
-    ///
-    /// # Errors
-    /// A file that cannot be read or says something impossible, a calibration that the controller would refuse or that is
-    /// of another type of machine.
-    pub fn read(&self) -> Result<(Machine, Calibration, Params), Failure> {
-        let machine = Machine::load(&self.machine)?;
-        let (calibration, params) = calibration::read_checked(&self.calibration)?;
-        if calibration.machine.name.as_str() != machine.name() {
-            let error = InputError::new("is of another machine than the machine file")
-                .at_file(&self.calibration)
-                .with_value(&calibration.machine.name)
-                .with_allowed(machine.name());
-            return Err(error.into());
-        }
-        Ok((machine, calibration, params))
-    }
-}
-
-/// Reads a mapping file, if one is named.
+/// Reads a mapping file; without one, the tool's own columns and units hold.
 pub(super) fn mapping(path: Option<&Path>) -> Result<Mapping, InputError> {
     path.map_or_else(|| Ok(Mapping::default()), Mapping::read)
 }

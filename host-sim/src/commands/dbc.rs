@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use kou_app::j1939::dbc;
 
-use super::{Failure, print_text};
+use super::failure::Failure;
+use super::output::print_text;
 use kou_records::InputError;
 
 /// Writes the DBC file of the controller's CAN messages.

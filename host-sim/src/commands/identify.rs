@@ -5,19 +5,20 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::given::{Given, Read, positive};
-use super::{Failure, print_json, print_text};
+use super::bench_args::{BenchArgs, BenchInputs, positive};
+use super::failure::Failure;
+use super::output::{print_json, print_text};
 use kou_identify::calibration::{self, Settings};
 use kou_identify::memory::Memory;
-use kou_identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
+use kou_identify::ratio_model::{FullRatio, OperatingPoint, RatioModel, ReducedRatio, operating_point};
 use kou_identify::secant::Secant;
 use kou_identify::{Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
-/// Model that the identification inverts.
+/// InvertedModel that the identification inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Model {
+pub enum InvertedModel {
     /// The reduced model of the controller, by its closed-form inverse.
     Rom,
     /// The full lumped model; needs a machine file with valve plates and circuit.
@@ -37,10 +38,10 @@ pub enum Scheme {
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    given: Given,
-    /// Model to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
+    given: BenchArgs,
+    /// InvertedModel to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
     #[arg(long, value_enum)]
-    pub model: Option<Model>,
+    pub model: Option<InvertedModel>,
     /// Scheme.
     #[arg(long, value_enum, default_value = "joint")]
     pub scheme: Scheme,
@@ -66,7 +67,7 @@ pub struct Args {
 /// # Errors
 /// Bad input; or points that no leakage explains.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let Read { machine, points, repeated, settings, prior } = args.given.read()?;
+    let BenchInputs { machine, points, repeated, settings, prior } = args.given.read()?;
     let start = match args.start.as_slice() {
         [a, b] => Some([*a, *b]),
         _ => None,
@@ -93,7 +94,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     calibration::write(&args.out, &result.calibration)?;
     let advice = match &result.solution {
         Some(solution) => {
-            let measured: Vec<At> = result.points.iter().map(|p| At::from(&p.point)).collect();
+            let measured: Vec<OperatingPoint> =
+                result.points.iter().map(|p| operating_point(&p.point)).collect();
             advice::advise(&measured, &result.fit, &ReducedRatio::new(&machine)?, solution, &prior)?
         }
         None => Vec::new(),
@@ -110,9 +112,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// The full model, where it is wanted; and what to tell about the choice.
 fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>), InputError> {
     match (args.model, FullRatio::new(machine)) {
-        (Some(Model::Rom), _) => Ok(("reduced model, as asked\n".into(), None)),
+        (Some(InvertedModel::Rom), _) => Ok(("reduced model, as asked\n".into(), None)),
         (_, Ok(full)) => Ok(("full model\n".into(), Some(full))),
-        (Some(Model::Full), Err(e)) => Err(e.at_file(&args.given.machine)),
+        (Some(InvertedModel::Full), Err(e)) => Err(e.at_file(&args.given.machine)),
         (None, Err(e)) => Ok((format!("reduced model, since the full one cannot be made: {e}\n"), None)),
     }
 }

@@ -9,11 +9,12 @@ use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
 
-use super::given::mapping;
+use super::bench_args::mapping;
+use super::failure::Failure;
+use super::output::{print_json, print_text, progress};
 use super::replay::figures_text;
-use super::{Failure, print_json, print_text, progress};
-use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
-use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
+use crate::pil::plant::{self, LoopReport, Scenario};
+use crate::pil::{self, PilOptions, PilReport, same_bits};
 use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
 use kou_identify::calibration;
 use kou_lumped::machine::Machine;
@@ -54,7 +55,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct StreamReport {
     #[serde(flatten)]
     figures: Figures,
     health: HealthFigures,
@@ -65,15 +66,9 @@ struct Report {
     stack_high_water_bytes: u32,
 }
 
-impl From<PilError> for Failure {
-    fn from(error: PilError) -> Self {
-        Self::Check(error.to_string())
-    }
-}
-
 /// The rows on their way through the firmware, and why reading them ended, if not at the end of the file.
 #[derive(Default)]
-struct UnderWay {
+struct RowsInFlight {
     rows: VecDeque<LogRow>,
     error: Option<InputError>,
 }
@@ -107,7 +102,7 @@ fn stream(
     log_path: &Path,
     calibration: &Calibration,
     params: &Params,
-) -> Result<Report, Failure> {
+) -> Result<StreamReport, Failure> {
     let mut log = LogReader::open(log_path, &mapping(args.map.as_deref())?)?;
     let mut writer =
         args.out.as_deref().map(|path| EstimateWriter::create(path, &log.carried_names())).transpose()?;
@@ -117,15 +112,15 @@ fn stream(
         options.firmware_elf.clone_from(elf);
     }
 
-    let under_way = RefCell::new(UnderWay::default());
+    let in_flight = RefCell::new(RowsInFlight::default());
     let samples = std::iter::from_fn(|| match log.next()? {
         Ok(row) => {
             let sample = row.sample;
-            under_way.borrow_mut().rows.push_back(row);
+            in_flight.borrow_mut().rows.push_back(row);
             Some(sample)
         }
         Err(error) => {
-            under_way.borrow_mut().error = Some(error);
+            in_flight.borrow_mut().error = Some(error);
             None
         }
     });
@@ -139,7 +134,7 @@ fn stream(
         // What is reported is the firmware's word, not the host's.
         summary.add(of_firmware);
         health.add(of_firmware);
-        if let Some(row) = under_way.borrow_mut().rows.pop_front() {
+        if let Some(row) = in_flight.borrow_mut().rows.pop_front() {
             trace.push(row.time_s, of_firmware);
             if let Some(writer) = &mut writer
                 && unwritten.is_none()
@@ -151,7 +146,7 @@ fn stream(
     };
     let PilReport { samples_per_s, status, .. } = pil::run(&options, &record, samples, on_estimate)?;
     bar.finish_and_clear();
-    if let Some(error) = under_way.into_inner().error.or(unwritten) {
+    if let Some(error) = in_flight.into_inner().error.or(unwritten) {
         return Err(error.into());
     }
     if let Some(writer) = writer {
@@ -160,7 +155,7 @@ fn stream(
     if let Some(path) = &args.plot {
         trace.draw(path, &format!("Firmware in QEMU on {}", log_path.display()))?;
     }
-    Ok(Report {
+    Ok(StreamReport {
         figures: summary.figures(),
         health: health.figures(params, &state),
         rows_passed_over: log.passed_over(),
@@ -274,17 +269,7 @@ fn loop_text(report: &LoopReport) -> String {
     text
 }
 
-impl From<LoopError> for Failure {
-    fn from(error: LoopError) -> Self {
-        match error {
-            LoopError::Input(error) => error.into(),
-            LoopError::Simulation(error) => Self::Check(error.to_string()),
-            LoopError::Pil(error) => error.into(),
-        }
-    }
-}
-
-fn text(report: &Report) -> String {
+fn text(report: &StreamReport) -> String {
     format!(
         "{}\n{}\nfirmware in QEMU: {:.0} samples per second, {} estimates differ from the host's, stack {} bytes at most",
         figures_text(&report.figures),

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use kou_lumped::machine::Machine;
-use kou_lumped::{Held, Model, Operating, Settings, SimError};
+use kou_lumped::{LoadCondition, Model, Settings, SteadyCase};
 
-use super::Failure;
+use super::failure::Failure;
 
 /// Machine, speed, oil and leakage of one operating point.
 #[derive(Debug, clap::Args)]
-pub struct Point {
+pub struct PointArgs {
     /// Machine file (TOML).
     #[arg(long, value_name = "MACHINE.toml")]
     pub machine: PathBuf,
@@ -30,17 +30,17 @@ pub struct Point {
     pub step_deg: f64,
 }
 
-impl Point {
+impl PointArgs {
     /// Loads the machine.
     pub(super) fn model(&self) -> Result<Model, Failure> {
         Ok(Model::new(&Machine::load(&self.machine)?)?)
     }
 
     /// The operating point with what is held at the motor.
-    pub(super) fn operating(&self, held: Held) -> Operating {
-        Operating {
+    pub(super) fn operating(&self, condition: LoadCondition) -> SteadyCase {
+        SteadyCase {
             n_p_rpm: self.n_p_rpm,
-            held,
+            condition,
             t_b_c: self.t_b_c,
             alpha: self.alpha,
             kou_l_min_mpa: self.kou,
@@ -50,18 +50,5 @@ impl Point {
     /// Settings with the wanted step.
     pub(super) fn settings(&self) -> Settings {
         Settings { step_deg: self.step_deg, ..Settings::default() }
-    }
-}
-
-impl From<SimError> for Failure {
-    fn from(error: SimError) -> Self {
-        match error {
-            SimError::Input(error) => error.into(),
-            // What was asked for does not exist: the input's fault.
-            SimError::Unreachable { .. } | SimError::Output(_) => {
-                Self::Input(kou_records::InputError::new(error.to_string()))
-            }
-            other => Self::Check(other.to_string()),
-        }
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use kou_app::update::provision;
 use kou_estimator::calibration::record;
 
-use super::Failure;
+use super::failure::Failure;
 use crate::update::read_key_bytes;
 use kou_identify::calibration;
 use kou_records::InputError;

@@ -6,8 +6,9 @@ use std::time::Instant;
 use kou_estimator::{Params, State, step};
 use serde::Serialize;
 
-use super::given::mapping;
-use super::{Failure, print_json, print_text, progress};
+use super::bench_args::mapping;
+use super::failure::Failure;
+use super::output::{print_json, print_text, progress};
 use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
 use kou_identify::calibration;
 use kou_records::LogReader;
@@ -37,7 +38,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ReplayReport {
     #[serde(flatten)]
     figures: Figures,
     health: HealthFigures,
@@ -55,7 +56,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
 }
 
-fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
+fn replay(args: &Args, params: &Params) -> Result<ReplayReport, Failure> {
     let mut log = LogReader::open(&args.log, &mapping(args.map.as_deref())?)?;
     let mut writer =
         args.out.as_deref().map(|path| EstimateWriter::create(path, &log.carried_names())).transpose()?;
@@ -87,7 +88,7 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
     }
     let samples_per_s = figures.samples as f64 / elapsed_s;
     let health = health.figures(params, &state);
-    Ok(Report { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
+    Ok(ReplayReport { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
 }
 
 /// Figures for people.
@@ -105,7 +106,7 @@ pub(super) fn figures_text(figures: &Figures) -> String {
     text
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &ReplayReport) -> String {
     format!(
         "{}\n{}\n{:.0} samples per second",
         figures_text(&report.figures),

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::given::{Given, Read};
-use super::{Failure, print_text};
-use crate::report::{self, Study};
+use super::bench_args::{BenchArgs, BenchInputs};
+use super::failure::Failure;
+use super::output::print_text;
+use crate::report::{self, ReportStudy};
 use kou_identify::ratio_model::FullRatio;
 use kou_records::InputError;
 
@@ -12,7 +13,7 @@ use kou_records::InputError;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    given: Given,
+    given: BenchArgs,
     /// Page to write.
     #[arg(long, value_name = "REPORT.html")]
     pub out: PathBuf,
@@ -23,10 +24,10 @@ pub struct Args {
 /// # Errors
 /// Bad input, or a page that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let Read { machine, points, settings, prior, .. } = args.given.read()?;
+    let BenchInputs { machine, points, settings, prior, .. } = args.given.read()?;
     let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
-    let study =
-        Study::new(&machine, &points, &settings, &full, &prior).map_err(|e| e.at_file(&args.given.bench))?;
+    let study = ReportStudy::new(&machine, &points, &settings, &full, &prior)
+        .map_err(|e| e.at_file(&args.given.bench))?;
     std::fs::write(&args.out, report::html(&machine, &study)?)
         .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&args.out))?;
     print_text(&format!("report written to {}", args.out.display()))

@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::point::Point;
-use super::{Failure, print_json, print_text};
+use super::failure::Failure;
+use super::output::{print_json, print_text};
+use super::point_args::PointArgs;
 use kou_lumped::integrator::Integrator;
 use kou_lumped::run::run as run_steps;
 use kou_lumped::waveforms::Recorder;
-use kou_lumped::{Held, Settings, SteadyPoint};
+use kou_lumped::{LoadCondition, Settings, SteadyPoint};
 
 /// Step of recorded waveforms: chamber pressures are then within 0.2 % of their peak to peak (see
 /// docs/full-model/integration.md).
@@ -21,7 +22,7 @@ const WAVEFORM_STEP_DEG: f64 = 0.1;
 pub struct Args {
     /// Operating point.
     #[command(flatten)]
-    pub point: Point,
+    pub point: PointArgs,
     /// High pressure to hold, as a bench does, MPa gauge.
     #[arg(
         long,
@@ -45,7 +46,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct SteadyReport {
     ratio: f64,
     residual: f64,
     n_m_rpm: f64,
@@ -65,22 +66,22 @@ struct Report {
 /// # Errors
 /// Bad input, a point that does not exist, or no convergence.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let held = match (args.p_h_mpa, args.load_nm) {
-        (Some(p), _) => Held::HighPressureMpa(p),
-        (None, Some(load)) => Held::LoadNm(load),
+    let condition = match (args.p_h_mpa, args.load_nm) {
+        (Some(p), _) => LoadCondition::HighPressureMpa(p),
+        (None, Some(load)) => LoadCondition::LoadNm(load),
         (None, None) => {
             return Err(kou_records::InputError::new("give --p-h-mpa or --load-nm").into());
         }
     };
     let model = args.point.model()?;
-    let operating = args.point.operating(held);
+    let operating = args.point.operating(condition);
     let started = Instant::now();
     let point = SteadyPoint::solve_with(&model, &operating, &args.point.settings())?;
     let wall_seconds = started.elapsed().as_secs_f64();
     if let Some(path) = &args.waveforms {
         write_waveforms(args, &model, &operating, path)?;
     }
-    let report = Report {
+    let report = SteadyReport {
         ratio: point.ratio,
         residual: point.residual,
         n_m_rpm: point.ratio * args.point.n_p_rpm,
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn write_waveforms(
     args: &Args,
     model: &kou_lumped::Model,
-    operating: &kou_lumped::Operating,
+    operating: &kou_lumped::SteadyCase,
     path: &std::path::Path,
 ) -> Result<(), Failure> {
     let turns = kou_records::Range::new(0.01, 200.0, "revolutions");
@@ -121,7 +122,7 @@ fn write_waveforms(
     Ok(recorder.write_csv(path)?)
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &SteadyReport) -> String {
     format!(
         "speed ratio        {:.6} (residual {:.0e}), motor {:.2} r/min\n\
          pressures          high {:.3} MPa (ripple {:.3} MPa peak to peak), low {:.3} MPa\n\

@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::point::Point;
-use super::{Failure, print_json, print_text};
+use super::failure::Failure;
+use super::output::{print_json, print_text};
+use super::point_args::PointArgs;
 use crate::plots::{Chart, Series, svg_file};
-use kou_lumped::Held;
+use kou_lumped::LoadCondition;
 use kou_lumped::transient::swash_step;
 
 /// Simulates the swash plate's step to a displacement, the motor starting from rest against a resistive load.
@@ -16,7 +17,7 @@ use kou_lumped::transient::swash_step;
 pub struct Args {
     /// Operating point after the step.
     #[command(flatten)]
-    pub point: Point,
+    pub point: PointArgs,
     /// Load on the motor's shaft, N m.
     #[arg(long, allow_negative_numbers = true)]
     pub load_nm: f64,
@@ -35,7 +36,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct StepReport {
     n_m_steady_rpm: f64,
     overshoot_pct: f64,
     settling_s: f64,
@@ -51,7 +52,7 @@ struct Report {
 /// Bad input, a load that cannot be turned, or a response that does not settle in time.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let model = args.point.model()?;
-    let operating = args.point.operating(Held::LoadNm(args.load_nm));
+    let operating = args.point.operating(LoadCondition::LoadNm(args.load_nm));
     let started = Instant::now();
     let response = swash_step(&model, &operating, &args.point.settings(), args.duration_s)?;
     let wall_seconds = started.elapsed().as_secs_f64();
@@ -63,7 +64,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         svg_file::draw_single(path, &chart)?;
     }
-    let report = Report {
+    let report = StepReport {
         n_m_steady_rpm: response.n_m_steady_rpm,
         overshoot_pct: response.overshoot_pct,
         settling_s: response.settling_s,

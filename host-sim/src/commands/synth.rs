@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::Failure;
-use super::identify::Model;
+use super::failure::Failure;
+use super::identify::InvertedModel;
 use crate::synth::{BENCH, DRIVE, Instruments, write_bench, write_drive};
 use kou_identify::calibration::SensorClass;
 use kou_identify::ratio_model::{FullRatio, RatioModel, ReducedRatio};
@@ -27,9 +27,9 @@ pub struct Args {
     /// Twelve more bench points at partial displacement.
     #[arg(long)]
     pub partial: bool,
-    /// Model that gives the true speed ratio.
+    /// InvertedModel that gives the true speed ratio.
     #[arg(long, value_enum, default_value = "full")]
-    pub model: Model,
+    pub model: InvertedModel,
     /// Seed of the errors.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -48,8 +48,8 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let machine = Machine::load(&args.machine)?;
     let model: Box<dyn RatioModel> = match args.model {
-        Model::Full => Box::new(FullRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
-        Model::Rom => Box::new(ReducedRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
+        InvertedModel::Full => Box::new(FullRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
+        InvertedModel::Rom => Box::new(ReducedRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
     };
     let class = match args.class {
         Some(SensorClass::A) => ", class A",
@@ -58,8 +58,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => "",
     };
     let name = match args.model {
-        Model::Full => "full model",
-        Model::Rom => "reduced model",
+        InvertedModel::Full => "full model",
+        InvertedModel::Rom => "reduced model",
     };
     let origin = format!("{name}{class}, seed {}", args.seed);
     if let Some(path) = &args.out {

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Failure, print_text};
+use super::failure::Failure;
+use super::output::print_text;
 use crate::update::{Addresses, candump, frames, read_key};
 use kou_identify::calibration;
 use kou_records::InputError;

@@ -3,17 +3,18 @@
 //! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! Points fill the envelope and are none of those to which the surrogate was fitted.
 
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::reduced::OperatingPoint as EstimatorPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::given::Calibrated;
-use super::{Failure, print_json, print_text};
+use super::calibrated_args::CalibratedArgs;
+use super::failure::Failure;
+use super::output::{print_json, print_text};
 use crate::replay::reason_label;
 use kou_identify::envelope::Envelope;
-use kou_identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio};
+use kou_identify::ratio_model::{Change, FullRatio, OperatingPoint, RatioModel, ReducedRatio};
 use kou_identify::surrogate;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
@@ -26,7 +27,7 @@ const LIMITS: [f64; 3] = [1e-4, 5e-4, 0.5];
 pub struct Args {
     /// Machine and calibration.
     #[command(flatten)]
-    pub given: Calibrated,
+    pub given: CalibratedArgs,
     /// Points to compare at.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub points: u32,
@@ -37,7 +38,7 @@ pub struct Args {
 
 /// One comparison.
 #[derive(Debug, Clone, Serialize)]
-struct Compared {
+struct PointComparison {
     n_p_rpm: f64,
     p_h_mpa: f64,
     t_b_c: f64,
@@ -49,15 +50,15 @@ struct Compared {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct VerifyReport {
     points: usize,
     not_steady: usize,
     ratio_error_mean: f64,
     ratio_error_max: f64,
     kou_error_mean_pct: f64,
     kou_error_max_pct: f64,
-    worst: Option<Compared>,
-    worst_kou: Option<Compared>,
+    worst: Option<PointComparison>,
+    worst_kou: Option<PointComparison>,
     passed: bool,
 }
 
@@ -72,7 +73,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let theory = ReducedRatio::new(&machine)?;
     let envelope = Envelope::default();
-    let compared: Vec<Option<Compared>> = (surrogate::POINTS + 1..=surrogate::POINTS + args.points)
+    let compared: Vec<Option<PointComparison>> = (surrogate::POINTS + 1..=surrogate::POINTS + args.points)
         .into_par_iter()
         .map(|index| {
             let (at, kou) = envelope.point(index, &theory);
@@ -104,8 +105,13 @@ fn change_of(calibration: &Calibration, machine: &Machine) -> Change {
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compared, Failure> {
-    let point = OperatingPoint {
+fn compare(
+    params: &Params,
+    at: &OperatingPoint,
+    kou: f64,
+    ratio_full: f64,
+) -> Result<PointComparison, Failure> {
+    let point = EstimatorPoint {
         pump_speed: RevPerMin(at.n_p_rpm as f32),
         high_pressure: Megapascal(at.p_h_mpa as f32),
         low_pressure: params.low_pressure(),
@@ -131,7 +137,7 @@ fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compar
             at.alpha
         ))
     })?;
-    Ok(Compared {
+    Ok(PointComparison {
         n_p_rpm: at.n_p_rpm,
         p_h_mpa: at.p_h_mpa,
         t_b_c: at.t_b_c,
@@ -143,18 +149,18 @@ fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compar
     })
 }
 
-fn judge(compared: Vec<Compared>, not_steady: usize) -> Report {
+fn judge(compared: Vec<PointComparison>, not_steady: usize) -> VerifyReport {
     let n = compared.len().max(1) as f64;
-    let worst = |of: fn(&Compared) -> f64| {
+    let worst = |of: fn(&PointComparison) -> f64| {
         compared.iter().max_by(|a, b| of(a).abs().total_cmp(&of(b).abs())).cloned()
     };
-    let mean = |of: fn(&Compared) -> f64| compared.iter().map(|c| of(c).abs()).sum::<f64>() / n;
+    let mean = |of: fn(&PointComparison) -> f64| compared.iter().map(|c| of(c).abs()).sum::<f64>() / n;
     let (by_ratio, by_kou) = (worst(|c| c.ratio_error), worst(|c| c.kou_error_pct));
     let ratio_error_mean = mean(|c| c.ratio_error);
     let ratio_error_max = by_ratio.as_ref().map_or(0.0, |c| c.ratio_error.abs());
     let kou_error_mean_pct = mean(|c| c.kou_error_pct);
     let within = [ratio_error_mean, ratio_error_max, kou_error_mean_pct].into_iter().zip(LIMITS);
-    Report {
+    VerifyReport {
         points: compared.len(),
         not_steady,
         ratio_error_mean,
@@ -168,7 +174,7 @@ fn judge(compared: Vec<Compared>, not_steady: usize) -> Report {
     }
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &VerifyReport) -> String {
     let mut text = format!(
         "{} points: error of the ratio {:.2e} mean, {:.2e} worst; error of Kou {:.2} % mean, {:.1} % worst",
         report.points,

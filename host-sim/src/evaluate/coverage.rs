@@ -1,6 +1,6 @@
 //! How often intervals hold the truth: by time since the start, and by region of the envelope.
 //!
-//! A world is one draw of the systematic errors, which dominate, so looks within a world are not independent. Shares are
+//! A world is one draw of the systematic errors, which dominate, so looks within a world are not independent. CoverageShares are
 //! means over worlds, and their standard error is that of the worlds' scatter.
 
 use serde::Serialize;
@@ -9,85 +9,85 @@ use serde::Serialize;
 pub const WINDOW_ENDS_H: [f64; 3] = [0.25, 1.5, f64::INFINITY];
 /// Bounds between the thirds of what the drive visits, in shares of the law's largest speed, pressure and temperature.
 const THIRDS: [[f64; 2]; 3] = [[0.59, 0.78], [0.447, 0.673], [0.62, 0.8]];
-/// Names of the dimensions of [`Looks::by_region`].
+/// Names of the dimensions of [`CoverageCounts::by_region`].
 pub const DIMENSIONS: [&str; 3] = ["speed", "pressure", "temperature"];
 
-/// Looks at an interval of one world, and how often it held the truth.
+/// CoverageCounts at an interval of one world, and how often it held the truth.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct Tally {
+pub struct HitCount {
     /// Times at which it was looked at.
     pub looks: u32,
     /// Those at which it held the truth.
     pub hits: u32,
 }
 
-impl Tally {
-    fn takes(&mut self, hit: bool) {
+impl HitCount {
+    fn push(&mut self, hit: bool) {
         self.looks += 1;
         self.hits += u32::from(hit);
     }
 }
 
-/// Looks at one quantity's 95 % interval in one world.
+/// CoverageCounts at one quantity's 95 % interval in one world.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct Looks {
+pub struct CoverageCounts {
     /// By time since the start, see [`WINDOW_ENDS_H`].
-    pub by_time: [Tally; 3],
+    pub by_time: [HitCount; 3],
     /// By lower, middle and upper third of speed, pressure and temperature.
-    pub by_region: [[Tally; 3]; 3],
+    pub by_region: [[HitCount; 3]; 3],
 }
 
-impl Looks {
+impl CoverageCounts {
     /// Takes a look at `time_h` and a normalised operating point.
-    pub fn takes(&mut self, time_h: f64, point: [f64; 3], hit: bool) {
+    pub fn push(&mut self, time_h: f64, point: [f64; 3], hit: bool) {
         for (tally, end_h) in self.by_time.iter_mut().zip(WINDOW_ENDS_H) {
             if time_h <= end_h {
-                tally.takes(hit);
+                tally.push(hit);
                 break;
             }
         }
         for ((tallies, value), [low, high]) in self.by_region.iter_mut().zip(point).zip(THIRDS) {
             let third = usize::from(value > low) + usize::from(value > high);
             if let Some(tally) = tallies.get_mut(third) {
-                tally.takes(hit);
+                tally.push(hit);
             }
         }
     }
 
     /// Everything in the first hour and a half, the first two windows.
     #[must_use]
-    pub fn early(&self) -> Tally {
+    pub fn early(&self) -> HitCount {
         let [first, second, _] = self.by_time;
-        Tally { looks: first.looks + second.looks, hits: first.hits + second.hits }
+        HitCount { looks: first.looks + second.looks, hits: first.hits + second.hits }
     }
 
     /// Everything after that.
     #[must_use]
-    pub fn late(&self) -> Tally {
+    pub fn late(&self) -> HitCount {
         self.by_time[2]
     }
 
     /// All looks.
     #[must_use]
-    pub fn all(&self) -> Tally {
+    pub fn all(&self) -> HitCount {
         let (early, late) = (self.early(), self.late());
-        Tally { looks: early.looks + late.looks, hits: early.hits + late.hits }
+        HitCount { looks: early.looks + late.looks, hits: early.hits + late.hits }
     }
 }
 
 /// A share of worlds with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Share {
+pub struct CoverageShare {
     /// How often the interval held the truth.
     pub share: f64,
     /// Standard error of that, by the scatter of the worlds.
     pub share_se: f64,
 }
 
-impl Share {
+impl CoverageShare {
     /// The share over worlds, of those that were looked at.
     #[must_use]
-    pub fn over(worlds: impl Iterator<Item = Tally>) -> Self {
+    pub fn over(worlds: impl Iterator<Item = HitCount>) -> Self {
         let shares: Vec<f64> =
             worlds.filter(|t| t.looks > 0).map(|t| f64::from(t.hits) / f64::from(t.looks)).collect();
         let count = shares.len() as f64;

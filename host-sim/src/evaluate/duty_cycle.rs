@@ -8,7 +8,7 @@ pub const PERIOD_S: f64 = 0.05;
 
 /// One operating point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct DutyPoint {
     /// Pump speed.
     pub n_p_rpm: f64,
     /// High pressure, gauge.
@@ -21,11 +21,11 @@ pub struct Point {
 
 /// Generator of operating points.
 #[derive(Debug, Clone)]
-pub struct Drive {
+pub struct DutyCycle {
     rng: ChaCha8Rng,
     limits: [f64; 3],
-    from: Point,
-    to: Point,
+    from: DutyPoint,
+    to: DutyPoint,
     ramp_s: f64,
     hold_s: f64,
     at_s: f64,
@@ -37,12 +37,12 @@ fn uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * (f64::from(rng.next_u32()) / f64::from(u32::MAX))
 }
 
-impl Drive {
+impl DutyCycle {
     /// A drive within `n_max_rpm`, `p_max_mpa` and `t_max_c`, from a seed.
     #[must_use]
     pub fn new(seed: u64, limits: [f64; 3]) -> Self {
         let [n_max, ..] = limits;
-        let idle = Point { n_p_rpm: 0.36 * n_max, p_h_mpa: 1.6, t_b_c: 40.0, alpha: 0.0 };
+        let idle = DutyPoint { n_p_rpm: 0.36 * n_max, p_h_mpa: 1.6, t_b_c: 40.0, alpha: 0.0 };
         Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
             limits,
@@ -57,7 +57,7 @@ impl Drive {
     }
 
     /// The next operating point, one period later.
-    pub fn advance(&mut self) -> Point {
+    pub fn advance(&mut self) -> DutyPoint {
         self.at_s += PERIOD_S;
         if self.at_s > self.ramp_s + self.hold_s {
             self.at_s = 0.0;
@@ -74,7 +74,7 @@ impl Drive {
         self.oil_c += (self.ambient_c - self.oil_c) * PERIOD_S / 400.0;
         let share = (self.at_s / self.ramp_s).min(1.0);
         let between = |a: f64, b: f64| a + (b - a) * share;
-        Point {
+        DutyPoint {
             n_p_rpm: between(self.from.n_p_rpm, self.to.n_p_rpm),
             p_h_mpa: between(self.from.p_h_mpa, self.to.p_h_mpa),
             t_b_c: self.oil_c,
@@ -82,11 +82,11 @@ impl Drive {
         }
     }
 
-    fn target(&mut self) -> Point {
+    fn target(&mut self) -> DutyPoint {
         let [n_max, p_max, _] = self.limits;
         let rng = &mut self.rng;
         if rng.next_u32().is_multiple_of(12) {
-            return Point { n_p_rpm: 0.36 * n_max, p_h_mpa: 1.6, t_b_c: 0.0, alpha: 0.0 };
+            return DutyPoint { n_p_rpm: 0.36 * n_max, p_h_mpa: 1.6, t_b_c: 0.0, alpha: 0.0 };
         }
         let alpha = match rng.next_u32() % 10 {
             0..6 => 1.0,
@@ -95,6 +95,6 @@ impl Drive {
         };
         // Middle loads are commonest: a mean of two uniform values.
         let load = 0.5 * (uniform(rng, 0.22, 0.9) + uniform(rng, 0.22, 0.9));
-        Point { n_p_rpm: uniform(rng, 0.4, 0.97) * n_max, p_h_mpa: load * p_max, t_b_c: 0.0, alpha }
+        DutyPoint { n_p_rpm: uniform(rng, 0.4, 0.97) * n_max, p_h_mpa: load * p_max, t_b_c: 0.0, alpha }
     }
 }

@@ -8,18 +8,18 @@ use kou_estimator::health::Cause;
 use kou_estimator::oil::OilConfig;
 use kou_estimator::reduced::ReducedModel;
 
-use super::world::{Event, Fault};
+use super::simulated_drive::{DriveEvent, SensorOffset};
 
 /// Volume fractions of free air to which that of the oil rises: entrained air, and foam drawn in from a low tank.
 const AIR: [(&str, f32); 2] = [("air_2_pct", 0.02), ("air_5_pct", 0.05)];
 
 /// One of them.
 #[derive(Debug, Clone)]
-pub struct Named {
+pub struct FaultCase {
     /// Name in reports.
     pub name: &'static str,
     /// What happens.
-    pub event: Event,
+    pub event: DriveEvent,
     /// What a diagnosis would call it.
     pub cause: Cause,
 }
@@ -28,28 +28,28 @@ pub struct Named {
 ///
 /// # Errors
 /// When the machine's oil already carries so much air that more of it is no oil.
-pub fn faults(params: &Params, oil: &OilConfig) -> Result<Vec<Named>, CalibrationError> {
+pub fn fault_cases(params: &Params, oil: &OilConfig) -> Result<Vec<FaultCase>, CalibrationError> {
     let ranges = params.sensor_ranges();
     let speed = 0.02 * f64::from(ranges.speed_max.get());
     let pressure = 0.02 * f64::from(ranges.pressure_max.get() - ranges.pressure_min.get());
     let temperature = 0.02 * f64::from(ranges.temperature_max.get() - ranges.temperature_min.get());
-    let mut faults: Vec<Named> = [
-        ("pressure_up", Fault::PressureOffset(pressure), Cause::Pressure),
-        ("pressure_down", Fault::PressureOffset(-pressure), Cause::Pressure),
-        ("temperature_up", Fault::TemperatureOffset(temperature), Cause::Temperature),
-        ("temperature_down", Fault::TemperatureOffset(-temperature), Cause::Temperature),
-        ("pump_speed_up", Fault::PumpSpeedOffset(speed), Cause::PumpSpeedOffset),
-        ("pump_speed_down", Fault::PumpSpeedOffset(-speed), Cause::PumpSpeedOffset),
-        ("motor_speed_up", Fault::MotorSpeedOffset(speed), Cause::MotorSpeedOffset),
-        ("motor_speed_down", Fault::MotorSpeedOffset(-speed), Cause::MotorSpeedOffset),
+    let mut faults: Vec<FaultCase> = [
+        ("pressure_up", SensorOffset::Pressure(pressure), Cause::Pressure),
+        ("pressure_down", SensorOffset::Pressure(-pressure), Cause::Pressure),
+        ("temperature_up", SensorOffset::Temperature(temperature), Cause::Temperature),
+        ("temperature_down", SensorOffset::Temperature(-temperature), Cause::Temperature),
+        ("pump_speed_up", SensorOffset::PumpSpeed(speed), Cause::PumpSpeedOffset),
+        ("pump_speed_down", SensorOffset::PumpSpeed(-speed), Cause::PumpSpeedOffset),
+        ("motor_speed_up", SensorOffset::MotorSpeed(speed), Cause::MotorSpeedOffset),
+        ("motor_speed_down", SensorOffset::MotorSpeed(-speed), Cause::MotorSpeedOffset),
         // Span -1 to 1.
-        ("displacement_down", Fault::DisplacementOffset(-0.04), Cause::Displacement),
+        ("displacement_down", SensorOffset::Displacement(-0.04), Cause::Displacement),
     ]
-    .map(|(name, fault, cause)| Named { name, event: Event::Sensor(fault), cause })
+    .map(|(name, fault, cause)| FaultCase { name, event: DriveEvent::Sensor(fault), cause })
     .into();
     for (name, air_fraction) in AIR {
         let aerated = ReducedModel::new(params.reduced().config(), &OilConfig { air_fraction, ..*oil })?;
-        faults.push(Named { name, event: Event::Oil(Arc::new(aerated)), cause: Cause::Oil });
+        faults.push(FaultCase { name, event: DriveEvent::Oil(Arc::new(aerated)), cause: Cause::Oil });
     }
     Ok(faults)
 }

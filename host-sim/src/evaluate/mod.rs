@@ -1,19 +1,19 @@
 //! Evaluation: how well health is judged, by Monte Carlo on simulated driving.
 //!
-//! A [`World`] is one machine with one set of sensors: its leakage misses the law by a smooth function of the operating
-//! point, its sensors have systematic errors drawn once, and random errors with every sample. [`Drive`] turns it over
-//! operating points as a vehicle does. The estimator that judges it is the firmware's. [`Setting`] runs many worlds, with
-//! or without something that happens to them ([`faults()`]), and [`Run`] is what came of one.
+//! A [`SimulatedDrive`] is one machine with one set of sensors: its leakage misses the law by a smooth function of the operating
+//! point, its sensors have systematic errors drawn once, and random errors with every sample. [`DutyCycle`] turns it over
+//! operating points as a vehicle does. The estimator that judges it is the firmware's. [`TrialSettings`] runs many worlds, with
+//! or without something that happens to them ([`fault_cases()`]), and [`TrialResult`] is what came of one.
 
 mod coverage;
-mod drive;
+mod duty_cycle;
 mod faults;
 mod noise;
-mod study;
-mod world;
+mod simulated_drive;
+mod trial;
 
-pub use coverage::{DIMENSIONS, Looks, Share, Tally, WINDOW_ENDS_H};
-pub use drive::Drive;
-pub use faults::{Named, faults};
-pub use study::{COMMISSIONING_H, Course, Run, Setting, quantile};
-pub use world::{Event, Fault, World};
+pub use coverage::{CoverageCounts, CoverageShare, DIMENSIONS, HitCount, WINDOW_ENDS_H};
+pub use duty_cycle::DutyCycle;
+pub use faults::{FaultCase, fault_cases};
+pub use simulated_drive::{DriveEvent, SensorOffset, SimulatedDrive};
+pub use trial::{COMMISSIONING_H, TrialCase, TrialResult, TrialSettings, quantile};

@@ -6,51 +6,51 @@ use kou_estimator::reduced::{OperatingPoint, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample};
 
-use super::drive::{Drive, PERIOD_S, Point};
+use super::duty_cycle::{DutyCycle, DutyPoint, PERIOD_S};
 use super::noise::Noise;
 use kou_identify::calibration::SensorClass;
 
-/// What goes wrong with a sensor.
+/// Constant error of one sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
+pub enum SensorOffset {
     /// Offset of the pressure, MPa.
-    PressureOffset(f64),
+    Pressure(f64),
     /// Offset of the oil temperature, K.
-    TemperatureOffset(f64),
+    Temperature(f64),
     /// Offset of the pump's speed, r/min.
-    PumpSpeedOffset(f64),
+    PumpSpeed(f64),
     /// Offset of the motor's speed, r/min.
-    MotorSpeedOffset(f64),
+    MotorSpeed(f64),
     /// Offset of the displacement.
-    DisplacementOffset(f64),
+    Displacement(f64),
 }
 
 /// Something that begins at a time.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Event {
+pub enum DriveEvent {
     /// Leakage grows by this share of the law within a time, then stays.
     Leak {
-        /// Share of the law.
+        /// CoverageShare of the law.
         share: f64,
         /// Time in which it grows, s.
         within_s: f64,
     },
     /// Leakage grows by this share per hour.
     Drift {
-        /// Share of the law per hour.
+        /// CoverageShare of the law per hour.
         per_h: f64,
     },
     /// A sensor gets an error.
-    Sensor(Fault),
+    Sensor(SensorOffset),
     /// The oil becomes another, for one by air that it carries: the machine with that oil.
     Oil(Arc<ReducedModel>),
 }
 
 /// Machine, sensors and their history.
 #[derive(Debug, Clone)]
-pub struct World {
+pub struct SimulatedDrive {
     params: Params,
-    drive: Drive,
+    drive: DutyCycle,
     noise: Noise,
     misfit: f64,
     waves: [[f64; 4]; 3],
@@ -59,7 +59,7 @@ pub struct World {
     temperature_offset_k: f64,
     level_at_start: f64,
     ageing_per_h: f64,
-    event: Option<(f64, Event)>,
+    event: Option<(f64, DriveEvent)>,
     time_s: f64,
     level: f64,
 }
@@ -69,7 +69,7 @@ const SPEED_NOISE: f64 = 5e-4;
 const PRESSURE_NOISE_MPA: f64 = 0.05;
 const TEMPERATURE_NOISE_K: f64 = 0.1;
 
-impl World {
+impl SimulatedDrive {
     /// A machine whose leakage misses the law of `params` by `misfit` (relative, 1 sigma over operating points), with
     /// sensors of a class: their systematic errors are drawn from the seed.
     #[must_use]
@@ -82,7 +82,7 @@ impl World {
         });
         Self {
             params: params.clone(),
-            drive: Drive::new(seed ^ 0x5eed, limits),
+            drive: DutyCycle::new(seed ^ 0x5eed, limits),
             misfit,
             waves,
             speed_gains: [noise.within(speed), noise.within(speed)],
@@ -98,7 +98,7 @@ impl World {
     }
 
     /// Lets something happen from a time on.
-    pub fn schedule(&mut self, at_s: f64, event: Event) {
+    pub fn schedule(&mut self, at_s: f64, event: DriveEvent) {
         self.event = Some((at_s, event));
     }
 
@@ -142,10 +142,10 @@ impl World {
         {
             let since_s = self.time_s - at_s;
             match event {
-                Event::Leak { share, within_s } => self.level += share * (since_s / within_s).min(1.0),
-                Event::Drift { per_h } => self.level += per_h * since_s / 3600.0,
-                Event::Sensor(what) => fault = Some(*what),
-                Event::Oil(model) => oil = Some(Arc::clone(model)),
+                DriveEvent::Leak { share, within_s } => self.level += share * (since_s / within_s).min(1.0),
+                DriveEvent::Drift { per_h } => self.level += per_h * since_s / 3600.0,
+                DriveEvent::Sensor(what) => fault = Some(*what),
+                DriveEvent::Oil(model) => oil = Some(Arc::clone(model)),
             }
         }
         self.sample(&point, fault, oil.as_deref())
@@ -156,7 +156,12 @@ impl World {
         clippy::cast_sign_loss,
         reason = "the estimator works in f32 and microseconds"
     )]
-    fn sample(&mut self, point: &Point, fault: Option<Fault>, oil: Option<&ReducedModel>) -> (Sample, f64) {
+    fn sample(
+        &mut self,
+        point: &DutyPoint,
+        fault: Option<SensorOffset>,
+        oil: Option<&ReducedModel>,
+    ) -> (Sample, f64) {
         let low_mpa = self.params.low_pressure().get();
         let at = OperatingPoint {
             pump_speed: RevPerMin(point.n_p_rpm as f32),
@@ -183,11 +188,11 @@ impl World {
         let mut t_b = point.t_b_c + self.temperature_offset_k + noise.normal(TEMPERATURE_NOISE_K);
         let mut alpha = point.alpha;
         match fault {
-            Some(Fault::PressureOffset(offset)) => p_h += offset,
-            Some(Fault::TemperatureOffset(offset)) => t_b += offset,
-            Some(Fault::PumpSpeedOffset(offset)) => n_p += offset,
-            Some(Fault::MotorSpeedOffset(offset)) => n_m += offset * ratio.signum(),
-            Some(Fault::DisplacementOffset(offset)) => alpha += offset * alpha.signum(),
+            Some(SensorOffset::Pressure(offset)) => p_h += offset,
+            Some(SensorOffset::Temperature(offset)) => t_b += offset,
+            Some(SensorOffset::PumpSpeed(offset)) => n_p += offset,
+            Some(SensorOffset::MotorSpeed(offset)) => n_m += offset * ratio.signum(),
+            Some(SensorOffset::Displacement(offset)) => alpha += offset * alpha.signum(),
             None => {}
         }
         let time = Micros((self.time_s * 1e6).round() as u64);

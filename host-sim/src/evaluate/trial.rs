@@ -5,15 +5,15 @@ use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::coverage::Looks;
-use super::drive::PERIOD_S;
+use super::coverage::CoverageCounts;
+use super::duty_cycle::PERIOD_S;
 use super::noise::Noise;
-use super::world::{Event, World};
+use super::simulated_drive::{DriveEvent, SimulatedDrive};
 use kou_identify::calibration::SensorClass;
 
 /// What is common to the runs of a study.
 #[derive(Debug, Clone)]
-pub struct Setting {
+pub struct TrialSettings {
     /// Checked calibration of the machine.
     pub params: Params,
     /// Normalisers of the law: largest speed, pressure, temperature.
@@ -35,9 +35,9 @@ pub const COMMISSIONING_H: f64 = 3.0;
 
 /// What is to happen to worlds that have been driven for [`COMMISSIONING_H`].
 #[derive(Debug, Clone)]
-pub struct Course {
+pub struct TrialCase {
     /// What happens.
-    pub event: Event,
+    pub event: DriveEvent,
     /// Hours driven after it.
     pub hours: f64,
     /// Whether a run ends with its first report: what follows is not of interest.
@@ -48,7 +48,7 @@ pub struct Course {
 
 /// What one run came to.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Run {
+pub struct TrialResult {
     /// Changes reported before the event, or at all where there was none.
     pub false_changes: u32,
     /// Wear confirmed before the event, or at all where there was none.
@@ -66,9 +66,9 @@ pub struct Run {
     /// Causes that remained at the end.
     pub remaining: Vec<&'static str>,
     /// The interval of the level.
-    pub level: Looks,
+    pub level: CoverageCounts,
     /// The interval of the coefficient seen.
-    pub kou: Looks,
+    pub kou: CoverageCounts,
     /// Sum of squared errors of the level, over the looks at it.
     pub level_error2: f64,
     /// Error of the level over its standard error, at the last look.
@@ -81,10 +81,10 @@ pub struct Run {
 
 /// A world on its way.
 #[derive(Debug, Clone)]
-struct Journey {
-    world: World,
+struct Trial {
+    world: SimulatedDrive,
     state: State,
-    run: Run,
+    run: TrialResult,
     samples: u64,
     changes: u16,
     /// Seconds with a valid coefficient since the event.
@@ -92,10 +92,10 @@ struct Journey {
     causes: Causes,
 }
 
-impl Setting {
+impl TrialSettings {
     /// Drives one world for `hours` in which nothing happens.
     #[must_use]
-    pub fn run(&self, number: u64, hours: f64) -> Run {
+    pub fn run(&self, number: u64, hours: f64) -> TrialResult {
         let mut journey = self.start(number);
         journey.drive(self, hours, None);
         journey.end()
@@ -103,15 +103,15 @@ impl Setting {
 
     /// Drives `runs` worlds on all cores.
     #[must_use]
-    pub fn runs(&self, runs: u64, hours: f64) -> Vec<Run> {
+    pub fn runs(&self, runs: u64, hours: f64) -> Vec<TrialResult> {
         (0..runs).into_par_iter().map(|number| self.run(number, hours)).collect()
     }
 
     /// Drives `runs` worlds for [`COMMISSIONING_H`], then each on every course, as if it alone had happened. The runs of
     /// each course.
     #[must_use]
-    pub fn courses(&self, runs: u64, courses: &[Course]) -> Vec<Vec<Run>> {
-        let by_world: Vec<Vec<Run>> = (0..runs)
+    pub fn courses(&self, runs: u64, courses: &[TrialCase]) -> Vec<Vec<TrialResult>> {
+        let by_world: Vec<Vec<TrialResult>> = (0..runs)
             .into_par_iter()
             .map(|number| {
                 let mut begun = self.start(number);
@@ -132,17 +132,17 @@ impl Setting {
             .collect()
     }
 
-    fn start(&self, number: u64) -> Journey {
+    fn start(&self, number: u64) -> Trial {
         let seed = self.seed + number;
-        let mut world = World::new(&self.params, self.limits, self.class, self.misfit, seed);
+        let mut world = SimulatedDrive::new(&self.params, self.limits, self.class, self.misfit, seed);
         world.age_oil(self.oil_ageing_per_h);
         if self.worn_sd > 0.0 {
             world.begin_at(1.0 + Noise::new(!seed).within(3.0_f64.sqrt() * self.worn_sd));
         }
-        Journey {
+        Trial {
             world,
             state: State::new(),
-            run: Run::default(),
+            run: TrialResult::default(),
             samples: 0,
             changes: 0,
             since_event_s: 0.0,
@@ -151,8 +151,8 @@ impl Setting {
     }
 }
 
-impl Journey {
-    fn drive(&mut self, setting: &Setting, hours: f64, course: Option<&Course>) {
+impl Trial {
+    fn drive(&mut self, setting: &TrialSettings, hours: f64, course: Option<&TrialCase>) {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -175,7 +175,7 @@ impl Journey {
         }
     }
 
-    fn judge(&mut self, estimate: &Estimate, course: Option<&Course>) {
+    fn judge(&mut self, estimate: &Estimate, course: Option<&TrialCase>) {
         let (health, run) = (&estimate.health, &mut self.run);
         if estimate.seen.is_ok() {
             run.judged_s += PERIOD_S;
@@ -202,22 +202,22 @@ impl Journey {
         }
     }
 
-    fn end(mut self) -> Run {
+    fn end(mut self) -> TrialResult {
         self.run.remaining = self.causes.iter().map(Cause::name).collect();
         self.run
     }
 }
 
-impl Run {
+impl TrialResult {
     fn look(&mut self, time_s: f64, point: Option<[f64; 3]>, estimate: &Estimate, level: f64, kou_true: f64) {
         let (Ok(seen), Some(point)) = (estimate.seen, point) else { return };
         let within = |error: f64, se: f64| error.abs() <= 1.96 * se;
         let time_h = time_s / 3600.0;
         let error = f64::from(seen.kou.get()) - kou_true;
-        self.kou.takes(time_h, point, within(error, seen.kou_se.get().into()));
+        self.kou.push(time_h, point, within(error, seen.kou_se.get().into()));
         let health: &Health = &estimate.health;
         let (error, se) = (f64::from(health.level.get()) - level, f64::from(health.level_se.get()));
-        self.level.takes(time_h, point, within(error, se));
+        self.level.push(time_h, point, within(error, se));
         self.level_error2 += error * error;
         self.level_error_in_se = Some(error / se);
     }

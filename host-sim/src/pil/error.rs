@@ -1,4 +1,4 @@
-//! Why a run through the firmware did not come to its end.
+//! Errors of a run through the firmware.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,11 +11,11 @@ pub const INSTALL_QEMU: &str = "sudo apt-get install --no-install-recommends qem
 /// Commands that build the firmware for QEMU, from the workspace's root.
 pub const BUILD_FIRMWARE: &str = "cd firmware/boards/qemu-mps2-an386 && cargo build --release";
 
-/// What the firmware printed in plain text, most often a panic or a fault; empty where it printed nothing.
+/// Plain text that the firmware printed, most often a panic or a fault; empty where it printed nothing.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Printed(pub String);
+pub struct ConsoleText(pub String);
 
-impl fmt::Display for Printed {
+impl fmt::Display for ConsoleText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0.trim() {
             "" => Ok(()),
@@ -24,7 +24,7 @@ impl fmt::Display for Printed {
     }
 }
 
-/// Why a run through the firmware did not come to its end.
+/// Error that ends a run through the firmware.
 #[derive(Debug, thiserror::Error)]
 pub enum PilError {
     /// QEMU is not installed.
@@ -39,7 +39,7 @@ pub enum PilError {
         /// Where it was looked for.
         path: PathBuf,
     },
-    /// The operating system refused something.
+    /// A call of the operating system failed.
     #[error("{doing}: {cause}")]
     System {
         /// What was being done.
@@ -50,22 +50,22 @@ pub enum PilError {
     /// The firmware is silent.
     #[error("the firmware did not answer within {} s{printed}", after.as_secs_f64())]
     Timeout {
-        /// How long it was waited for.
+        /// Timeout.
         after: Duration,
         /// What the firmware printed.
-        printed: Printed,
+        printed: ConsoleText,
     },
-    /// QEMU ended before its time.
+    /// QEMU ended early.
     #[error("the firmware ended with exit code {}{printed}", code_text(*code))]
     Ended {
         /// Exit code, where there is one: a killed process has none.
         code: Option<i32>,
         /// What the firmware printed.
-        printed: Printed,
+        printed: ConsoleText,
     },
-    /// The firmware refused the calibration.
-    #[error("the firmware refused the calibration: {0}")]
-    CalibrationRefused(Refusal<String>),
+    /// The firmware rejected the calibration.
+    #[error("the firmware rejected the calibration: {0}")]
+    CalibrationRejected(Refusal<String>),
     /// The firmware speaks another version of the link's protocol.
     #[error("the firmware speaks version {firmware} of the link's protocol, this program version {host}")]
     Version {
@@ -74,7 +74,7 @@ pub enum PilError {
         /// This program's version.
         host: u16,
     },
-    /// The firmware answered something else than it was asked.
+    /// The response does not belong to the request.
     #[error("unexpected answer of the firmware to {request}: {answer}")]
     Unexpected {
         /// What was asked.

@@ -1,16 +1,15 @@
-//! One QEMU process: found, started, watched, and never left behind.
+//! One QEMU process: started, supervised, and killed on every way out.
 
-use std::ffi::OsStr;
 use std::io::{ErrorKind, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use super::error::{PilError, Printed};
-use super::{Line, PilOptions};
+use super::error::{ConsoleText, PilError};
+use super::options::{LinkTransport, PilOptions};
 
-/// Bytes of the firmware's log that are kept; it logs transitions, so a real log is far shorter.
+/// Largest length of the firmware's log, bytes; it logs transitions, so a real log is far shorter.
 const MAX_LOG: u64 = 4 << 20;
 
 /// A running QEMU. Dropped, it is killed.
@@ -32,7 +31,10 @@ impl Qemu {
         let mut command = Command::new(&options.qemu);
         command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none"]);
         // QEMU adds the endings .in and .out to the pipe's name.
-        command.args(["-serial", if options.line == Line::Uart { "pipe:kou-link" } else { "none" }]);
+        command.args([
+            "-serial",
+            if options.transport == LinkTransport::Uart { "pipe:kou-link" } else { "none" },
+        ]);
         if options.deterministic {
             command.args(["-icount", "shift=5,sleep=off"]);
         }
@@ -49,8 +51,8 @@ impl Qemu {
             }
             _ => PilError::System { doing: "starting QEMU", cause },
         })?;
-        let log = child.stdout.take().map(keep);
-        let printed = child.stderr.take().map(keep);
+        let log = child.stdout.take().map(collect);
+        let printed = child.stderr.take().map(collect);
         Ok(Self { child, log, printed })
     }
 
@@ -89,9 +91,9 @@ impl Qemu {
     }
 
     /// What firmware and QEMU printed as text, once. Call it after the end: it waits for it.
-    pub(super) fn printed(&mut self) -> Printed {
+    pub(super) fn printed(&mut self) -> ConsoleText {
         let bytes = self.printed.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
-        Printed(String::from_utf8_lossy(&bytes).into_owned())
+        ConsoleText(String::from_utf8_lossy(&bytes).into_owned())
     }
 }
 
@@ -101,32 +103,13 @@ impl Drop for Qemu {
     }
 }
 
-/// Keeps what comes, up to a limit, and reads on beyond it, so that the writer never blocks.
-fn keep(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+/// Collects what is written, up to a limit, and reads on beyond it, so that the writer never blocks.
+fn collect(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     spawn(move || {
-        let mut kept = Vec::new();
-        // A failing pipe ends the log; the exit code tells the rest.
-        drop(from.by_ref().take(MAX_LOG).read_to_end(&mut kept));
+        let mut collected = Vec::new();
+        // A failing pipe ends the log; the exit code shows the cause.
+        drop(from.by_ref().take(MAX_LOG).read_to_end(&mut collected));
         drop(std::io::copy(&mut from, &mut std::io::sink()));
-        kept
+        collected
     })
-}
-
-/// Name of the firmware's binary.
-const FIRMWARE: &str = "kou-qemu-mps2-an386";
-
-/// The firmware's binary `name` in the target folder that holds this program, or else below the working directory.
-pub(super) fn find_binary(name: impl AsRef<OsStr>) -> PathBuf {
-    let below = |target: &Path| target.join("thumbv7em-none-eabihf").join("release").join(name.as_ref());
-    let own = std::env::current_exe().unwrap_or_default();
-    own.ancestors()
-        .skip(1)
-        .map(below)
-        .find(|path| path.is_file())
-        .unwrap_or_else(|| below(Path::new(&std::env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into()))))
-}
-
-/// The firmware.
-pub(super) fn find_firmware() -> PathBuf {
-    find_binary(FIRMWARE)
 }

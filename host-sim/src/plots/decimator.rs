@@ -124,7 +124,10 @@ impl MinMaxDecimator {
     /// All points it holds, with a point that is not finite after each segment.
     #[must_use]
     pub fn points(&self) -> Vec<(f64, f64)> {
-        self.segments(0.0).into_iter().flat_map(|segment| segment.into_iter().chain([(f64::NAN, f64::NAN)])).collect()
+        self.segments(0.0)
+            .into_iter()
+            .flat_map(|segment| segment.into_iter().chain([(f64::NAN, f64::NAN)]))
+            .collect()
     }
 
     /// Merges columns in pairs.

@@ -58,8 +58,7 @@ fn svg(chart: &Chart) -> Result<String, Box<dyn Error>> {
         let drawn = layer(&renderer, |axes| {
             for point in series.finite() {
                 let (x, y) = axes.backend_coord(&(point.x, point.y));
-                let error =
-                    point.standard_error.map_or(String::new(), |se| format!(" +- {}", decimal(se)));
+                let error = point.standard_error.map_or(String::new(), |se| format!(" +- {}", decimal(se)));
                 let reading = format!("{}: {}, {}{error}", series.name, decimal(point.x), decimal(point.y));
                 write!(
                     readings,

@@ -104,7 +104,7 @@ impl<'c> Renderer<'c> {
     }
 
     /// Draws the legend where it covers least.
-    pub(super) fn draw_legend(&self, axes: &mut Axes<'_, '_>) -> Result<(), Box<dyn Error>> {
+    pub(super) fn draw_legend<'a, 'b: 'a>(&self, axes: &mut Axes<'a, 'b>) -> Result<(), Box<dyn Error>> {
         axes.configure_series_labels()
             .position(self.emptiest_place())
             .background_style(WHITE.mix(0.85))
@@ -124,9 +124,7 @@ impl<'c> Renderer<'c> {
 
     /// The place of the legend with the fewest points behind it: a third of the width, a quarter of the height.
     fn emptiest_place(&self) -> SeriesLabelPosition {
-        use SeriesLabelPosition::{
-            LowerLeft, LowerRight, MiddleLeft, MiddleRight, UpperLeft, UpperRight,
-        };
+        use SeriesLabelPosition::{LowerLeft, LowerRight, MiddleLeft, MiddleRight, UpperLeft, UpperRight};
         let share = |range: &Range<f64>, value: f64| (value - range.start) / (range.end - range.start);
         let mut behind = [
             (UpperLeft, [0.0, 0.75], 0_usize),
@@ -144,7 +142,8 @@ impl<'c> Renderer<'c> {
                     let x = share(&self.x_range, a.x + part * (b.x - a.x));
                     let y = share(&self.y_range, a.y + part * (b.y - a.y));
                     for (_, [left, bottom], count) in &mut behind {
-                        let is_behind = (*left..*left + 0.35).contains(&x) && (*bottom..*bottom + 0.25).contains(&y);
+                        let is_behind =
+                            (*left..*left + 0.35).contains(&x) && (*bottom..*bottom + 0.25).contains(&y);
                         *count += usize::from(is_behind);
                     }
                 }

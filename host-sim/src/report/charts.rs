@@ -5,18 +5,18 @@ use kou_identify::{Identification, PointResult, evaluate, normalised, phi};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 
-use super::study::{Study, extent};
+use super::study::{ReportStudy, extent};
 use crate::plots::{Chart, DataPoint, Marks, Series};
 
 /// Every chart, in the order of the page.
-pub fn all(machine: &Machine, study: &Study) -> Vec<Chart> {
+pub fn all(machine: &Machine, study: &ReportStudy) -> Vec<Chart> {
     let mut charts = vec![fig8(study), fig12_kou(study), fig12_ratio(study), fig13(study)];
     charts.extend(fig14(study));
     charts.extend([fig16(machine, study), residual_ratio(study), residual_kou(study), leave_one_out(study)]);
     charts
 }
 
-fn fig8(study: &Study) -> Chart {
+fn fig8(study: &ReportStudy) -> Chart {
     Chart::new(
         format!("Ratio over pressure at {:.0} r/min (paper fig. 8)", study.fig8_rpm),
         "high pressure, MPa",
@@ -33,7 +33,7 @@ fn numbered(values: impl Iterator<Item = f64>) -> impl Iterator<Item = (f64, f64
     values.enumerate().map(|(i, value)| (i as f64 + 1.0, value))
 }
 
-fn fig12(study: &Study, pick: fn(&(f64, f64)) -> f64) -> Vec<Series> {
+fn fig12(study: &ReportStudy, pick: fn(&(f64, f64)) -> f64) -> Vec<Series> {
     let (_, searches) = &study.case;
     searches
         .iter()
@@ -44,7 +44,7 @@ fn fig12(study: &Study, pick: fn(&(f64, f64)) -> f64) -> Vec<Series> {
         .collect()
 }
 
-fn fig12_kou(study: &Study) -> Chart {
+fn fig12_kou(study: &ReportStudy) -> Chart {
     let p = &study.case.0;
     Chart::new(
         format!(
@@ -57,7 +57,7 @@ fn fig12_kou(study: &Study) -> Chart {
     )
 }
 
-fn fig12_ratio(study: &Study) -> Chart {
+fn fig12_ratio(study: &ReportStudy) -> Chart {
     let mut all = fig12(study, |c| c.1);
     let longest = all.iter().map(|s| s.points.len()).max().unwrap_or(1) as f64;
     let ratio = study.case.0.ratio;
@@ -65,7 +65,7 @@ fn fig12_ratio(study: &Study) -> Chart {
     Chart::new("Ratio in the same searches", "call of the full model", "speed ratio", all)
 }
 
-fn fig13(study: &Study) -> Chart {
+fn fig13(study: &ReportStudy) -> Chart {
     let errors = |result: &Identification| -> Vec<f64> { result.points.iter().map(error_of).collect() };
     let dots = |name: String, errors: Vec<f64>| Series::new(name, Marks::Dots, numbered(errors.into_iter()));
     Chart::new(
@@ -84,7 +84,7 @@ fn error_of(p: &PointResult) -> f64 {
     100.0 * (p.ratio_by_law / p.point.ratio - 1.0)
 }
 
-fn used(study: &Study) -> Vec<BenchPoint> {
+fn used(study: &ReportStudy) -> Vec<BenchPoint> {
     study.joint.points.iter().map(|p| p.point).collect()
 }
 
@@ -122,7 +122,7 @@ fn law_band(
 }
 
 /// Kou over speed at three temperatures, at two pressures: sections of the paper's surfaces that can be read from paper.
-fn fig14(study: &Study) -> Vec<Chart> {
+fn fig14(study: &ReportStudy) -> Vec<Chart> {
     let points = used(study);
     let [n0, n1] = extent(&points, |p| p.n_p_rpm);
     let [p0, p1] = extent(&points, |p| p.p_h_mpa);
@@ -147,7 +147,7 @@ fn fig14(study: &Study) -> Vec<Chart> {
         .collect()
 }
 
-fn fig16(machine: &Machine, study: &Study) -> Chart {
+fn fig16(machine: &Machine, study: &ReportStudy) -> Chart {
     let points = used(study);
     let [n0, n1] = extent(&points, |p| p.n_p_rpm);
     let [p0, p1] = extent(&points, |p| p.p_h_mpa);
@@ -165,7 +165,7 @@ fn fig16(machine: &Machine, study: &Study) -> Chart {
     )
 }
 
-fn residual_ratio(study: &Study) -> Chart {
+fn residual_ratio(study: &ReportStudy) -> Chart {
     let (inliers, outliers): (Vec<_>, Vec<_>) = study.joint.points.iter().partition(|p| !p.is_outlier());
     let dots = |name, points: Vec<&PointResult>| {
         Series::new(name, Marks::Dots, points.into_iter().map(|p| (p.point.p_h_mpa, error_of(p))))
@@ -178,23 +178,19 @@ fn residual_ratio(study: &Study) -> Chart {
     )
 }
 
-fn residual_kou(study: &Study) -> Chart {
+fn residual_kou(study: &ReportStudy) -> Chart {
     let points = study.joint.points.iter();
-    let [low, high] =
-        points.clone().fold([f64::INFINITY, 0.0_f64], |[l, h], p| [l.min(p.kou), h.max(p.kou)]);
+    let [low, high] = points.clone().fold([f64::INFINITY, 0.0_f64], |[l, h], p| [l.min(p.kou), h.max(p.kou)]);
     let dots = points.map(|p| DataPoint::with_error(p.kou, p.kou_law, p.kou_law_se));
     Chart::new(
         "Kou by the law over observed Kou, 95 % intervals",
         "observed Kou, (L/min)/MPa",
         "Kou by the law, (L/min)/MPa",
-        vec![
-            Series::new("points", Marks::Dots, dots),
-            Series::line("equal", [(low, low), (high, high)]),
-        ],
+        vec![Series::new("points", Marks::Dots, dots), Series::line("equal", [(low, low), (high, high)])],
     )
 }
 
-fn leave_one_out(study: &Study) -> Chart {
+fn leave_one_out(study: &ReportStudy) -> Chart {
     let points = study.joint.points.iter().map(|p| (error_of(p), 100.0 * p.leave_one_out));
     Chart::new(
         "Error of the ratio when the point itself is left out",

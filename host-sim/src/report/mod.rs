@@ -13,7 +13,7 @@ mod charts;
 mod study;
 mod tables;
 
-pub use study::Study;
+pub use study::ReportStudy;
 
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
@@ -27,7 +27,7 @@ const PAGE: &str = include_str!("page.html");
 ///
 /// # Errors
 /// When a chart cannot be drawn.
-pub fn html(machine: &Machine, study: &Study) -> Result<String, InputError> {
+pub fn html(machine: &Machine, study: &ReportStudy) -> Result<String, InputError> {
     let title = escape(&format!("Leakage calibration: {}", machine.name()));
     let figures: String = charts::all(machine, study).iter().map(figure).collect::<Result<_, _>>()?;
     let body = format!(

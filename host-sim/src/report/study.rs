@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use kou_identify::advice::{self, Proposal};
 use kou_identify::calibration::Settings;
 use kou_identify::joint::Prior;
-use kou_identify::ratio_model::{At, Change, RatioModel, ReducedRatio, Solved};
+use kou_identify::ratio_model::{Change, OperatingPoint, RatioModel, ReducedRatio, Solved, operating_point};
 use kou_identify::secant::{self, Secant};
 use kou_identify::{Identification, evaluate, joint_scheme, two_step};
 use kou_lumped::SimError;
@@ -18,7 +18,7 @@ use kou_records::InputError;
 
 /// One search of the secant method: where it started and what it was told.
 #[derive(Debug, Clone)]
-pub struct Search {
+pub struct SecantSearch {
     /// Start interval.
     pub start: [f64; 2],
     /// Calls in order: Kou and ratio.
@@ -27,7 +27,7 @@ pub struct Search {
 
 /// Everything that a report shows.
 #[derive(Debug)]
-pub struct Study {
+pub struct ReportStudy {
     /// Joint identification.
     pub joint: Identification,
     /// The paper's two steps.
@@ -41,19 +41,19 @@ pub struct Study {
     /// Speed of `fig8`.
     pub fig8_rpm: f64,
     /// The point of the case study and its searches.
-    pub case: (BenchPoint, Vec<Search>),
+    pub case: (BenchPoint, Vec<SecantSearch>),
     /// Proposals for the next measurement.
     pub advice: Vec<Proposal>,
 }
 
 /// Writes down every call.
-struct Recorder<'a> {
+struct CallRecorder<'a> {
     model: &'a dyn RatioModel,
     calls: Mutex<Vec<(f64, f64)>>,
 }
 
-impl RatioModel for Recorder<'_> {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+impl RatioModel for CallRecorder<'_> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         let solved = self.model.solve(at, kou)?;
         self.calls.lock().unwrap_or_else(PoisonError::into_inner).push((kou, solved.ratio));
         Ok(solved)
@@ -64,7 +64,7 @@ impl RatioModel for Recorder<'_> {
     }
 }
 
-impl Study {
+impl ReportStudy {
     /// Makes the study.
     ///
     /// # Errors
@@ -85,7 +85,9 @@ impl Study {
         let constant_error_pct = used
             .par_iter()
             .map(|p| {
-                found.solve(&At::from(p), constant).map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0))
+                found
+                    .solve(&operating_point(p), constant)
+                    .map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0))
             })
             .collect();
 
@@ -105,7 +107,7 @@ impl Study {
                     alpha: 1.0,
                     ratio: 1.0,
                 };
-                let at = At::from(&point);
+                let at = operating_point(&point);
                 let free = found.solve(&at, 0.0).ok()?.ratio;
                 let leaking = found.solve(&at, evaluate(&joint.fit, &point).max(0.0)).ok()?.ratio;
                 Some((p_h_mpa, free, leaking))
@@ -113,7 +115,7 @@ impl Study {
             .collect();
 
         let case = case_study(&used, found.as_ref());
-        let measured: Vec<At> = used.iter().map(At::from).collect();
+        let measured: Vec<OperatingPoint> = used.iter().map(operating_point).collect();
         let advice = match &joint.solution {
             Some(solution) => {
                 advice::advise(&measured, &joint.fit, &ReducedRatio::new(machine)?, solution, prior)?
@@ -125,7 +127,7 @@ impl Study {
 }
 
 /// Searches from the paper's three intervals at the point nearest to its case study.
-fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<Search>) {
+fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<SecantSearch>) {
     let distance = |p: &BenchPoint| {
         ((p.n_p_rpm - 999.23) / 1000.0).hypot((p.p_h_mpa - 31.06) / 31.0).hypot((p.t_b_c - 58.24) / 58.0)
     };
@@ -134,10 +136,10 @@ fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<S
     let searches = [[0.006, 0.09], [0.036, 0.039], [0.0015, 0.36]]
         .into_iter()
         .map(|start| {
-            let recorder = Recorder { model, calls: Mutex::new(Vec::new()) };
+            let recorder = CallRecorder { model, calls: Mutex::new(Vec::new()) };
             // A search that does not end is shown as far as it went.
-            drop(secant::solve(&recorder, &At::from(&point), point.ratio, start, &Secant::default()));
-            Search { start, calls: recorder.calls.into_inner().unwrap_or_else(PoisonError::into_inner) }
+            drop(secant::solve(&recorder, &operating_point(&point), point.ratio, start, &Secant::default()));
+            SecantSearch { start, calls: recorder.calls.into_inner().unwrap_or_else(PoisonError::into_inner) }
         })
         .collect();
     (point, searches)

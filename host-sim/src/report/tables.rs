@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use kou_identify::{Identification, TERMS, coefficients, physical};
 
-use super::study::Study;
+use super::study::ReportStudy;
 use crate::plots::html::escape;
 
 fn table(heading: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
@@ -29,7 +29,7 @@ fn mean_loo_pct(result: &Identification) -> f64 {
 }
 
 /// Text before the charts: provenance, comparison of schemes, estimated quantities.
-pub fn head(study: &Study) -> String {
+pub fn head(study: &ReportStudy) -> String {
     let joint = &study.joint;
     let about = &joint.calibration.provenance;
     let mut text = format!(
@@ -63,7 +63,13 @@ pub fn head(study: &Study) -> String {
     );
     text += "<h2>Other estimated quantities</h2>\n";
     text += &table(
-        &["quantity", "change from the file, %", "standard error, %", "prior standard error, %", "determined by"],
+        &[
+            "quantity",
+            "change from the file, %",
+            "standard error, %",
+            "prior standard error, %",
+            "determined by",
+        ],
         joint.unknowns.iter().filter(|u| u.prior_se.is_some()).map(|u| {
             vec![
                 u.name.clone(),
@@ -87,7 +93,7 @@ pub fn head(study: &Study) -> String {
 }
 
 /// Text after the charts: law, points left out, outliers, region, proposed measurements.
-pub fn tail(study: &Study) -> String {
+pub fn tail(study: &ReportStudy) -> String {
     let joint = &study.joint;
     let law = &joint.fit.law;
     let mut text = format!(

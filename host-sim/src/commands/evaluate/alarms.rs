@@ -6,15 +6,15 @@
 use kou_estimator::health::HealthConfig;
 use kou_estimator::{Calibration, Params};
 
-use crate::commands::Failure;
-use crate::evaluate::Setting;
+use crate::commands::failure::Failure;
+use crate::evaluate::TrialSettings;
 use kou_records::InputError;
 
-/// Run lengths tried, in hours.
+/// TrialResult lengths tried, in hours.
 const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
 /// Misfits of the simulated machines over the declared one.
 pub(super) const MISFITS: [f64; 3] = [1.0, 2.0, 3.0];
-/// Share of the hours of healthy driving for each point.
+/// CoverageShare of the hours of healthy driving for each point.
 const HOURS_SHARE: f64 = 0.2;
 /// Worlds for each point.
 const WORLDS: u64 = 20;
@@ -42,7 +42,7 @@ pub(super) fn threshold(health: &HealthConfig) -> f64 {
 
 /// Drives healthy machines at each threshold.
 pub(super) fn measure(
-    setting: &Setting,
+    setting: &TrialSettings,
     calibration: &Calibration,
     hours: f64,
 ) -> Result<Vec<Alarms>, Failure> {
@@ -54,7 +54,7 @@ pub(super) fn measure(
             tried.health.run_length_h = run_length_h;
             let params = Params::new(&tried).map_err(|e| InputError::new(e.to_string()))?;
             let misfit = misfits * f64::from(calibration.health.law_misfit);
-            let runs = Setting { params, misfit, ..setting.clone() }.runs(WORLDS, hours_each);
+            let runs = TrialSettings { params, misfit, ..setting.clone() }.runs(WORLDS, hours_each);
             alarms.push(Alarms {
                 misfits,
                 threshold: threshold(&tried.health),

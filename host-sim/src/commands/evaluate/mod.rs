@@ -11,10 +11,12 @@ use kou_estimator::health::Cause;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::given::Calibrated;
-use super::{Failure, print_json, print_text};
+use super::calibrated_args::CalibratedArgs;
+use super::failure::Failure;
+use super::output::{print_json, print_text};
 use crate::evaluate::{
-    Course, DIMENSIONS, Event, Looks, Named, Run, Setting, Share, Tally, faults, quantile,
+    CoverageCounts, CoverageShare, DIMENSIONS, DriveEvent, FaultCase, HitCount, TrialCase, TrialResult,
+    TrialSettings, fault_cases, quantile,
 };
 use kou_identify::calibration::SensorClass;
 use kou_records::InputError;
@@ -24,7 +26,7 @@ use kou_records::InputError;
 pub struct Args {
     /// Machine and calibration.
     #[command(flatten)]
-    pub given: Calibrated,
+    pub given: CalibratedArgs,
     /// Hours of healthy driving, over all worlds together.
     #[arg(long, default_value_t = 200.0)]
     pub hours: f64,
@@ -73,7 +75,7 @@ const DRIFT_PER_H: f64 = 0.01;
 const NOMINAL: [(f64, f64); 5] = [(0.5, 0.674), (0.683, 1.0), (0.8, 1.282), (0.95, 1.96), (0.99, 2.576)];
 
 #[derive(Debug, Serialize)]
-struct Detection {
+struct LeakDetection {
     share: f64,
     reported: usize,
     runs: usize,
@@ -86,8 +88,8 @@ struct Detection {
     remaining: BTreeMap<String, usize>,
 }
 
-impl Detection {
-    fn of(share: f64, runs: &[Run]) -> Self {
+impl LeakDetection {
+    fn of(share: f64, runs: &[TrialResult]) -> Self {
         let delays: Vec<f64> = runs.iter().filter_map(|r| r.delay_s).collect();
         Self {
             share,
@@ -123,7 +125,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
     }
     let law = &calibration.law;
-    let setting = Setting {
+    let setting = TrialSettings {
         params,
         limits: [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()],
         class: args.class,
@@ -137,7 +139,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// In how many runs each cause remained at the end.
-fn remaining(runs: &[Run]) -> BTreeMap<String, usize> {
+fn remaining(runs: &[TrialResult]) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for cause in runs.iter().flat_map(|r| &r.remaining) {
         *counts.entry((*cause).to_string()).or_insert(0) += 1;
@@ -145,7 +147,7 @@ fn remaining(runs: &[Run]) -> BTreeMap<String, usize> {
     counts
 }
 
-fn study(args: &Args, setting: &Setting, calibration: &Calibration) -> Result<Value, Failure> {
+fn study(args: &Args, setting: &TrialSettings, calibration: &Calibration) -> Result<Value, Failure> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -154,18 +156,18 @@ fn study(args: &Args, setting: &Setting, calibration: &Calibration) -> Result<Va
     let worlds = (args.hours / WORLD_H).ceil() as u64;
     let hours_each = args.hours / worlds as f64;
     let healthy = setting.runs(worlds, hours_each);
-    let sum = |of: fn(&Run) -> f64| healthy.iter().map(of).sum::<f64>();
-    let worn = Setting { worn_sd: WORN_SD, ..setting.clone() };
-    let coverage = Coverage::of(&worn.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H));
+    let sum = |of: fn(&TrialResult) -> f64| healthy.iter().map(of).sum::<f64>();
+    let worn = TrialSettings { worn_sd: WORN_SD, ..setting.clone() };
+    let coverage = IntervalCoverage::of(&worn.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H));
     let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
 
-    let named = faults(&setting.params, &calibration.oil).map_err(|e| {
+    let named = fault_cases(&setting.params, &calibration.oil).map_err(|e| {
         InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.given.calibration)
     })?;
     let courses = courses(&named);
     let mut results = setting.courses(args.runs, &courses).into_iter();
-    let detections: Vec<Detection> =
-        LEAKS.iter().zip(results.by_ref()).map(|(share, runs)| Detection::of(*share, &runs)).collect();
+    let detections: Vec<LeakDetection> =
+        LEAKS.iter().zip(results.by_ref()).map(|(share, runs)| LeakDetection::of(*share, &runs)).collect();
     let confusion: Map<String, Value> = named
         .iter()
         .zip(results.by_ref())
@@ -198,21 +200,22 @@ fn study(args: &Args, setting: &Setting, calibration: &Calibration) -> Result<Va
 }
 
 /// Leaks, faults and the drift, in this order.
-fn courses(faults: &[Named]) -> Vec<Course> {
-    let wear = |event, hours, until_report| Course { event, hours, until_report, cause: Cause::Wear };
-    let leaks = LEAKS.iter().map(|share| wear(Event::Leak { share: *share, within_s: 60.0 }, AFTER_H, false));
-    let faults = faults.iter().map(|fault| Course {
+fn courses(faults: &[FaultCase]) -> Vec<TrialCase> {
+    let wear = |event, hours, until_report| TrialCase { event, hours, until_report, cause: Cause::Wear };
+    let leaks =
+        LEAKS.iter().map(|share| wear(DriveEvent::Leak { share: *share, within_s: 60.0 }, AFTER_H, false));
+    let faults = faults.iter().map(|fault| TrialCase {
         event: fault.event.clone(),
         hours: AFTER_H,
         until_report: false,
         cause: fault.cause,
     });
-    let drift = wear(Event::Drift { per_h: DRIFT_PER_H }, DRIFT_H, true);
+    let drift = wear(DriveEvent::Drift { per_h: DRIFT_PER_H }, DRIFT_H, true);
     leaks.chain(faults).chain([drift]).collect()
 }
 
 /// What was made of a fault.
-fn confusion(fault: &Named, runs: &[Run]) -> Value {
+fn confusion(fault: &FaultCase, runs: &[TrialResult]) -> Value {
     json!({
         "cause": fault.cause.name(),
         "runs": runs.len(),
@@ -226,49 +229,50 @@ fn confusion(fault: &Named, runs: &[Run]) -> Value {
 
 /// How often the 95 % intervals of one quantity held the truth.
 #[derive(Debug, Serialize)]
-struct Shares {
-    all: Share,
-    first_quarter_hour: Share,
-    first_90_min: Share,
-    later: Share,
+struct CoverageShares {
+    all: CoverageShare,
+    first_quarter_hour: CoverageShare,
+    first_90_min: CoverageShare,
+    later: CoverageShare,
     /// Lower, middle and upper third of each dimension.
-    by_third: BTreeMap<&'static str, [Share; 3]>,
+    by_third: BTreeMap<&'static str, [CoverageShare; 3]>,
 }
 
-impl Shares {
-    fn of(runs: &[Run], looks: fn(&Run) -> &Looks) -> Self {
-        let over = |of: &dyn Fn(&Looks) -> Tally| Share::over(runs.iter().map(|r| of(looks(r))));
+impl CoverageShares {
+    fn of(runs: &[TrialResult], looks: fn(&TrialResult) -> &CoverageCounts) -> Self {
+        let over =
+            |of: &dyn Fn(&CoverageCounts) -> HitCount| CoverageShare::over(runs.iter().map(|r| of(looks(r))));
         let third = |dimension: usize, third: usize| {
             over(&|l| l.by_region.get(dimension).and_then(|t| t.get(third)).copied().unwrap_or_default())
         };
         let dimensions = DIMENSIONS.iter().enumerate();
         Self {
-            all: over(&Looks::all),
+            all: over(&CoverageCounts::all),
             first_quarter_hour: over(&|l| l.by_time[0]),
-            first_90_min: over(&Looks::early),
-            later: over(&Looks::late),
+            first_90_min: over(&CoverageCounts::early),
+            later: over(&CoverageCounts::late),
             by_third: dimensions.map(|(i, name)| (*name, [0, 1, 2].map(|k| third(i, k)))).collect(),
         }
     }
 }
 
 /// How often intervals held the truth.
-struct Coverage {
-    of_level: Shares,
-    of_kou: Shares,
+struct IntervalCoverage {
+    of_level: CoverageShares,
+    of_kou: CoverageShares,
     level_error_rms: f64,
     /// Nominal probability and share, of the level at the end.
     level: Vec<(f64, f64)>,
 }
 
-impl Coverage {
-    fn of(runs: &[Run]) -> Self {
+impl IntervalCoverage {
+    fn of(runs: &[TrialResult]) -> Self {
         let looks = runs.iter().map(|r| f64::from(r.level.all().looks)).sum::<f64>().max(1.0);
         let ratios: Vec<f64> = runs.iter().filter_map(|r| r.level_error_in_se).collect();
         let within = |se: f64| ratios.iter().filter(|z| z.abs() <= se).count() as f64 / ratios.len() as f64;
         Self {
-            of_level: Shares::of(runs, |r| &r.level),
-            of_kou: Shares::of(runs, |r| &r.kou),
+            of_level: CoverageShares::of(runs, |r| &r.level),
+            of_kou: CoverageShares::of(runs, |r| &r.kou),
             level_error_rms: (runs.iter().map(|r| r.level_error2).sum::<f64>() / looks).sqrt(),
             level: NOMINAL.iter().map(|(nominal, se)| (*nominal, within(*se))).collect(),
         }

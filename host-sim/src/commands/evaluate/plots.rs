@@ -5,35 +5,45 @@ use std::path::Path;
 use kou_estimator::health::HealthConfig;
 
 use super::alarms::{Alarms, MISFITS, threshold};
-use super::{Coverage, Detection};
-use crate::commands::Failure;
+use super::{IntervalCoverage, LeakDetection};
+use crate::commands::failure::Failure;
 use crate::output_file::create_folder;
 use crate::plots::{Chart, Series, svg_file};
 
 /// Draws measured and derived curves.
 pub(super) fn draw(
     folder: &Path,
-    detections: &[Detection],
-    coverage: &Coverage,
+    detections: &[LeakDetection],
+    coverage: &IntervalCoverage,
     alarms: &[Alarms],
     health: &HealthConfig,
     open: f64,
 ) -> Result<(), Failure> {
     create_folder(folder)?;
-    let measured = |of: fn(&Detection) -> Option<f64>| {
+    let measured = |of: fn(&LeakDetection) -> Option<f64>| {
         detections.iter().filter_map(move |d| Some((100.0 * d.share, of(d)?)))
     };
     let shares = (6..=100).map(|i| f64::from(i) / 100.0);
     let derived = shares.filter_map(|share| Some((100.0 * share, derived_delay_s(health, open, share)?)));
-    let delay = Chart::new("Delay from the onset of a leak that grows within a minute to its report", "change of leakage, %", "judged driving, s", vec![
+    let delay = Chart::new(
+        "Delay from the onset of a leak that grows within a minute to its report",
+        "change of leakage, %",
+        "judged driving, s",
+        vec![
             Series::line("median of runs", measured(|d| d.delay_s_median)),
             Series::line("95 % of runs", measured(|d| d.delay_s_95)),
             Series::line("derived", derived.filter(|(_, delay)| *delay < 300.0)),
-        ]);
-    let intervals = Chart::new("Intervals of the level: how often they hold the truth", "nominal probability", "share of worlds", vec![
+        ],
+    );
+    let intervals = Chart::new(
+        "Intervals of the level: how often they hold the truth",
+        "nominal probability",
+        "share of worlds",
+        vec![
             Series::line("measured", coverage.level.iter().copied()),
             Series::line("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),
-        ]);
+        ],
+    );
     let log = |of: f64| of.log10();
     let mut series = vec![Series::line(
         "derived: at most",
@@ -53,7 +63,12 @@ pub(super) fn draw(
         });
         series.push(Series::line(name, points));
     }
-    let false_reports = Chart::new("False reports of a healthy machine against the threshold of the sum", "threshold, log-likelihood ratio", "log10 of false reports per 1000 h", series);
+    let false_reports = Chart::new(
+        "False reports of a healthy machine against the threshold of the sum",
+        "threshold, log-likelihood ratio",
+        "log10 of false reports per 1000 h",
+        series,
+    );
     for (name, chart) in
         [("health_delay", delay), ("health_coverage", intervals), ("health_false_reports", false_reports)]
     {

@@ -52,9 +52,9 @@ const LEAKAGE_45_MPA: &str = "fitted within 0.100 to 0.102: one Kou = 0.101 for 
 
 /// Losses of ratio at a pressure, percent: by compressibility and by leakage.
 fn losses_pct(rows: &[RatioRow], p_h_mpa: f64) -> [f64; 2] {
-    rows.iter().find(|row| row.p_h_mpa == p_h_mpa).map_or([f64::NAN; 2], |row| {
-        [100.0 * (1.0 - row.leak_free), 100.0 * (row.leak_free - row.leaking)]
-    })
+    rows.iter()
+        .find(|row| row.p_h_mpa == p_h_mpa)
+        .map_or([f64::NAN; 2], |row| [100.0 * (1.0 - row.leak_free), 100.0 * (row.leak_free - row.leaking)])
 }
 
 /// All published values.

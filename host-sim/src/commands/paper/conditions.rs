@@ -1,7 +1,7 @@
 //! Conditions of the paper's figures, and the solutions that several of them share.
 
 use kou_lumped::transient::{StepResponse, swash_step};
-use kou_lumped::{Held, Model, Operating, Settings, SteadyPoint};
+use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint};
 use rayon::prelude::*;
 
 use crate::commands::failure::Failure;
@@ -27,13 +27,13 @@ pub(super) struct RatioRow {
 }
 
 /// An operating point at full displacement.
-pub(super) fn operating_point(held: Held, n_p_rpm: f64, kou: f64) -> Operating {
-    Operating { n_p_rpm, held, t_b_c: T_B_C, alpha: 1.0, kou_l_min_mpa: kou }
+pub(super) fn steady_case(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> SteadyCase {
+    SteadyCase { n_p_rpm, condition, t_b_c: T_B_C, alpha: 1.0, kou_l_min_mpa: kou }
 }
 
 /// Step response of fig. 7.
 pub(super) fn step_response(model: &Model, kou: f64) -> Result<StepResponse, Failure> {
-    let point = operating_point(Held::LoadNm(LOAD_NM), SPEED_RPM, kou);
+    let point = steady_case(LoadCondition::LoadNm(LOAD_NM), SPEED_RPM, kou);
     Ok(swash_step(model, &point, &Settings::default(), 2.0)?)
 }
 
@@ -44,7 +44,7 @@ pub(super) fn ratio_rows(model: &Model) -> Result<Vec<RatioRow>, Failure> {
         .into_par_iter()
         .map(|p_h_mpa| {
             let ratio = |kou| {
-                let point = operating_point(Held::HighPressureMpa(p_h_mpa), SPEED_RPM, kou);
+                let point = steady_case(LoadCondition::HighPressureMpa(p_h_mpa), SPEED_RPM, kou);
                 SteadyPoint::solve(model, &point).map(|steady| steady.ratio)
             };
             Ok(RatioRow { p_h_mpa, leak_free: ratio(0.0)?, leaking: ratio(KOU_LOSS)? })

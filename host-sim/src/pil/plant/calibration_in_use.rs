@@ -5,7 +5,7 @@ use kou_app::controller::NoEstimate;
 use kou_estimator::{Calibration, Estimate, Expected, Params, Sample, State, step};
 use serde::Serialize;
 
-use super::tool::Tool;
+use super::service_tool::ServiceTool;
 
 /// What was seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -22,7 +22,7 @@ pub struct LawFinding {
 
 /// Watches outputs.
 #[derive(Debug)]
-pub struct LawWatch {
+pub struct CalibrationTracker {
     default: Option<Params>,
     finding: LawFinding,
 }
@@ -35,7 +35,7 @@ fn expects(params: &Params, sample: &Sample, output: &Estimate) -> bool {
     }
 }
 
-impl LawWatch {
+impl CalibrationTracker {
     /// Of a drive that begins with this calibration.
     #[must_use]
     pub fn new(calibration: &Calibration) -> Self {
@@ -43,7 +43,12 @@ impl LawWatch {
     }
 
     /// Takes an output.
-    pub fn watch(&mut self, output: &Result<Estimate, NoEstimate>, sample: Option<&Sample>, tool: &Tool) {
+    pub fn push(
+        &mut self,
+        output: &Result<Estimate, NoEstimate>,
+        sample: Option<&Sample>,
+        tool: &ServiceTool,
+    ) {
         let (Ok(output), Some(sample)) = (output, sample) else { return };
         if output.expected.is_err() {
             return;

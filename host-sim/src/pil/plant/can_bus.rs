@@ -5,11 +5,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 
-use super::scenario::{Babble, Scenario};
+use super::scenario::{BusFlood, Scenario};
 
 /// What was on the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Traffic {
+pub struct BusTraffic {
     /// Frames that the controller sent.
     pub sent: u64,
     /// Frames that others sent.
@@ -22,15 +22,15 @@ pub struct Traffic {
 
 /// The bus.
 #[derive(Debug)]
-pub struct Bus {
+pub struct SimulatedCanBus {
     rng: ChaCha8Rng,
-    babble: Vec<Babble>,
-    traffic: Traffic,
+    babble: Vec<BusFlood>,
+    traffic: BusTraffic,
     ms: u64,
     last_ms: Option<u64>,
 }
 
-impl Bus {
+impl SimulatedCanBus {
     /// The bus of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
@@ -38,7 +38,7 @@ impl Bus {
             // Another stream than the sensors', so that traffic does not change their noise.
             rng: ChaCha8Rng::seed_from_u64(!scenario.seed),
             babble: scenario.babble.clone(),
-            traffic: Traffic::default(),
+            traffic: BusTraffic::default(),
             ms: 0,
             last_ms: None,
         }
@@ -81,7 +81,7 @@ impl Bus {
 
     /// What was on the bus so far.
     #[must_use]
-    pub const fn traffic(&self) -> Traffic {
+    pub const fn traffic(&self) -> BusTraffic {
         self.traffic
     }
 }

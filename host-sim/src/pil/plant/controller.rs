@@ -1,121 +1,71 @@
-//! The line to the controller's firmware in QEMU: a message in, a message out, every millisecond.
+//! The controller's firmware in QEMU: a message in, a message out, every millisecond.
 
-use std::fs::{File, OpenOptions};
-use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use kou_app::rig::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
-use tempfile::TempDir;
 
-use super::super::qemu::Qemu;
-use super::super::session::{make_fifos, read_in_background, write_in_background};
-use super::super::{PilError, PilOptions, Printed};
-use super::flash::{Done, Flash};
+use super::emulated_flash::{EmulatedFlash, FlashOutcome};
+use crate::pil::error::PilError;
+use crate::pil::options::PilOptions;
+use crate::pil::qemu_link::QemuLink;
 
-/// How often a wait looks whether QEMU still runs.
-const GLANCE: Duration = Duration::from_millis(100);
-
-/// What the firmware comes with.
+/// Event of the controller.
 // One at a time.
 #[allow(clippy::large_enum_variant, reason = "there is one at a time")]
 #[derive(Debug)]
-pub enum Heard {
+pub enum ControllerEvent {
     /// Its next millisecond.
     Tick(ToHost),
-    /// Nothing more: its supply has failed in the middle of a write to flash.
+    /// Its supply has failed in the middle of a write to flash; nothing more follows.
     NoPower,
 }
 
-/// A controller that runs. Dropped, it is ended the hard way.
-pub struct Rig {
-    // Declared first and so dropped first: the FIFOs' directory goes after QEMU.
-    qemu: Qemu,
-    outgoing: Sender<Vec<u8>>,
-    incoming: Receiver<Vec<u8>>,
+/// A controller that runs in QEMU. Dropped, QEMU is killed.
+pub struct EmulatedController {
+    link: QemuLink,
     pending: Vec<u8>,
-    timeout: Duration,
-    keep: Option<(File, File)>,
-    _directory: TempDir,
 }
 
-impl Rig {
+impl EmulatedController {
     /// Starts the firmware.
     ///
     /// # Errors
     /// When QEMU or the firmware is missing or does not start.
     pub fn start(options: &PilOptions, begin: &Begin<'_>) -> Result<Self, PilError> {
-        let doing = PilError::system;
-        let directory = tempfile::Builder::new()
-            .prefix("kou-rig-")
-            .tempdir()
-            .map_err(doing("making a directory for the rig's FIFOs"))?;
-        let (from_host, to_host) =
-            (directory.path().join("kou-link.in"), directory.path().join("kou-link.out"));
-        make_fifos(&[&from_host, &to_host])?;
-        // Opened for both directions a FIFO opens at once, and while these are open, so do all other ends.
-        let both = |path: &Path| {
-            OpenOptions::new().read(true).write(true).open(path).map_err(doing("opening the rig's FIFOs"))
-        };
-        let keep = (both(&from_host)?, both(&to_host)?);
-        let writer = OpenOptions::new().write(true).open(&from_host);
-        let writer = writer.map_err(doing("opening the rig's FIFOs"))?;
-        let reader = File::open(&to_host).map_err(doing("opening the rig's FIFOs"))?;
-        let rig = Self {
-            qemu: Qemu::start(options, &[], directory.path())?,
-            outgoing: write_in_background(writer),
-            incoming: read_in_background(reader),
-            pending: Vec::new(),
-            timeout: options.timeout,
-            keep: Some(keep),
-            _directory: directory,
-        };
-        let mut buffer = [0; MAX_LEN];
-        let bytes = pack(begin, &mut buffer).unwrap_or_default().to_vec();
-        if rig.outgoing.send(bytes).is_err() {
-            return Err(PilError::Ended { code: None, printed: Printed::default() });
-        }
-        Ok(rig)
+        let mut controller = Self { link: QemuLink::start(options, &[])?, pending: Vec::new() };
+        controller.send_packed(begin)?;
+        Ok(controller)
     }
 
-    /// Waits for the firmware's next millisecond, and does what it asks of its flash until then.
+    /// Waits for the firmware's next millisecond, and serves its flash operations until then.
     ///
     /// # Errors
     /// When the firmware ends or falls silent.
-    pub fn receive(&mut self, flash: &mut Flash) -> Result<Heard, PilError> {
+    pub fn receive(&mut self, flash: &mut EmulatedFlash) -> Result<ControllerEvent, PilError> {
         loop {
-            match self.said()? {
-                Said::Tick(message) => return Ok(Heard::Tick(message)),
+            match self.next_message()? {
+                Said::Tick(message) => return Ok(ControllerEvent::Tick(message)),
                 Said::Flash { of, work } => match flash.work(of, &work) {
-                    Done::Answer(answer) => self.answer::<FlashDone>(&answer)?,
-                    Done::NoPower => {
-                        self.qemu.kill();
-                        return Ok(Heard::NoPower);
+                    FlashOutcome::Answer(answer) => self.send_packed::<FlashDone>(&answer)?,
+                    FlashOutcome::NoPower => {
+                        self.link.kill();
+                        return Ok(ControllerEvent::NoPower);
                     }
                 },
             }
         }
     }
 
-    fn said(&mut self) -> Result<Said, PilError> {
-        let start = Instant::now();
+    fn next_message(&mut self) -> Result<Said, PilError> {
+        let since = Instant::now();
         loop {
             if let Some((message, used)) = unpack(&self.pending) {
                 self.pending.drain(..used);
-                // From here on the firmware alone holds the other ends, so its end is seen as the end of the line.
-                self.keep = None;
+                self.link.release_spare_ends();
                 return Ok(message);
             }
-            match self.incoming.recv_timeout(GLANCE) {
-                Ok(bytes) => self.pending.extend_from_slice(&bytes),
-                Err(RecvTimeoutError::Disconnected) => return Err(self.gone()),
-                Err(RecvTimeoutError::Timeout) if self.qemu.has_ended() => return Err(self.gone()),
-                Err(RecvTimeoutError::Timeout) if start.elapsed() < self.timeout => {}
-                Err(RecvTimeoutError::Timeout) => {
-                    self.qemu.kill();
-                    return Err(PilError::Timeout { after: self.timeout, printed: self.qemu.printed() });
-                }
-            }
+            let bytes = self.link.receive(since)?;
+            self.pending.extend_from_slice(&bytes);
         }
     }
 
@@ -124,24 +74,23 @@ impl Rig {
     /// # Errors
     /// When the firmware has ended.
     pub fn send(&mut self, message: &FromHost) -> Result<(), PilError> {
-        self.answer(message)
+        self.send_packed(message)
     }
 
-    fn answer<T: serde::Serialize>(&mut self, message: &T) -> Result<(), PilError> {
+    fn send_packed<T: serde::Serialize>(&mut self, message: &T) -> Result<(), PilError> {
         let mut buffer = [0; MAX_LEN];
-        let bytes = pack(message, &mut buffer).unwrap_or_default().to_vec();
-        if self.outgoing.send(bytes).is_ok() { Ok(()) } else { Err(self.gone()) }
+        self.link.send(pack(message, &mut buffer).unwrap_or_default().to_vec())
     }
 
     /// Ends the firmware in its next millisecond.
     ///
     /// # Errors
-    /// When it does not end as it was told.
-    pub fn stop(mut self, flash: &mut Flash) -> Result<(), PilError> {
-        while !matches!(self.said()?, Said::Tick(_)) {
-            // The run is over: what it was about to write is not judged any more, but must not be cut either.
+    /// When it does not end as ordered.
+    pub fn stop(mut self, flash: &mut EmulatedFlash) -> Result<(), PilError> {
+        while !matches!(self.next_message()?, Said::Tick(_)) {
+            // The run is over: the write under way is not judged any more, but must not be cut either.
             flash.power_on();
-            self.answer::<FlashDone>(&None)?;
+            self.send_packed::<FlashDone>(&None)?;
         }
         self.send(&FromHost {
             spi: heapless::Vec::new(),
@@ -151,16 +100,9 @@ impl Rig {
             can: heapless::Vec::new(),
             order: Order::Stop,
         })?;
-        match self.qemu.wait(self.timeout)? {
+        match self.link.wait()? {
             Some(0) => Ok(()),
-            code => Err(PilError::Ended { code, printed: self.qemu.printed() }),
-        }
-    }
-
-    fn gone(&mut self) -> PilError {
-        match self.qemu.wait(self.timeout) {
-            Ok(code) => PilError::Ended { code, printed: self.qemu.printed() },
-            Err(error) => error,
+            code => Err(PilError::Ended { code, printed: self.link.printed() }),
         }
     }
 }

@@ -16,11 +16,11 @@ use kou_app::storage::{
 };
 
 /// Its cells.
-pub type Cells = RamFlash<FLASH_LEN, FLASH_PAGE>;
+pub type FlashCells = RamFlash<FLASH_LEN, FLASH_PAGE>;
 
 /// Where the supply is to fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Aim {
+pub struct CutPoint {
     /// In the next write of this record.
     pub kind: Kind,
     /// After this many bytes of it, both copies and what moves for them counted; stretches of 64 erased bytes count one.
@@ -32,7 +32,7 @@ pub struct Aim {
 /// What came of an operation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[allow(clippy::large_enum_variant, reason = "made once in an exchange and passed on at once")]
-pub enum Done {
+pub enum FlashOutcome {
     /// An answer for the firmware.
     Answer(FlashDone),
     /// The supply has failed: there is no firmware any more.
@@ -41,20 +41,20 @@ pub enum Done {
 
 /// The flash.
 #[derive(Debug, Clone, Default)]
-pub struct Flash {
-    cells: Cells,
-    aim: Option<Aim>,
+pub struct EmulatedFlash {
+    cells: FlashCells,
+    aim: Option<CutPoint>,
     /// The aim of the write under way.
-    armed: Option<Aim>,
+    armed: Option<CutPoint>,
     /// The record that was being written by the last operation.
     of: Option<Kind>,
-    /// Cells as they were before the write that was cut.
-    before: Option<Box<Cells>>,
+    /// FlashCells as they were before the write that was cut.
+    before: Option<Box<FlashCells>>,
 }
 
 /// What the records say; each is nothing where it was never written.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
+pub struct StoredRecords {
     /// Counter and record of the calibration.
     pub calibration: Option<(u32, Vec<u8>)>,
     /// Counter of the last update, by itself.
@@ -77,12 +77,12 @@ fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-impl Kept {
+impl StoredRecords {
     /// Reads what the cells hold, without changing them.
     ///
     /// # Errors
     /// The record that is there and cannot be read.
-    pub fn of(cells: &Cells) -> Result<Self, String> {
+    pub fn read(cells: &FlashCells) -> Result<Self, String> {
         let mut store = Store::new(cells.clone(), 0..FLASH_LEN as u32).map_err(|e| format!("{e:?}"))?;
         let read = async {
             let calibration = store.read::<StoredCalibration<'_>>().await?;
@@ -100,9 +100,9 @@ impl Kept {
     }
 }
 
-impl Flash {
+impl EmulatedFlash {
     /// Cuts the supply in the next write of a record.
-    pub fn aim(&mut self, aim: Aim) {
+    pub fn aim(&mut self, aim: CutPoint) {
         self.aim = Some(aim);
     }
 
@@ -121,13 +121,13 @@ impl Flash {
 
     /// What the cells hold now.
     #[must_use]
-    pub fn cells(&self) -> &Cells {
+    pub fn cells(&self) -> &FlashCells {
         &self.cells
     }
 
     /// What the cells held before the write that was cut last.
     #[must_use]
-    pub fn before_cut(&self) -> Option<&Cells> {
+    pub fn before_cut(&self) -> Option<&FlashCells> {
         self.before.as_deref()
     }
 
@@ -153,7 +153,7 @@ impl Flash {
     }
 
     /// Does what the firmware asks, `of` a record that it is writing.
-    pub fn work(&mut self, of: Option<u8>, work: &FlashWork) -> Done {
+    pub fn work(&mut self, of: Option<u8>, work: &FlashWork) -> FlashOutcome {
         if !matches!(work, FlashWork::Read { .. }) {
             self.writes(of);
         }
@@ -170,6 +170,6 @@ impl Flash {
                 ready(self.cells.erase(*from, *to)).and_then(Result::ok).map(|()| heapless::Vec::new())
             }
         };
-        if self.cells.is_dead() { Done::NoPower } else { Done::Answer(done) }
+        if self.cells.is_dead() { FlashOutcome::NoPower } else { FlashOutcome::Answer(done) }
     }
 }

@@ -8,7 +8,7 @@ use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
 
-use super::flash::{Aim, Flash, Kept};
+use super::emulated_flash::{CutPoint, EmulatedFlash, StoredRecords};
 use super::scenario::{PowerCut, Scenario};
 
 /// Time after a start after which the controller has read and written what it does at a start, s: faults are not written
@@ -53,7 +53,7 @@ pub struct OutageFinding {
 /// One outage, from its aim to its audit.
 struct Outage {
     cut: PowerCut,
-    before: Option<Kept>,
+    before: Option<StoredRecords>,
     back_s: f64,
     expected_level: Option<u32>,
     finding: Option<OutageFinding>,
@@ -96,7 +96,7 @@ impl Outages {
     }
 
     /// A millisecond with power: aims the next outage when its time has come.
-    pub fn millisecond(&mut self, time_s: f64, flash: &mut Flash) {
+    pub fn millisecond(&mut self, time_s: f64, flash: &mut EmulatedFlash) {
         self.powered_s += 1e-3;
         for outage in &mut self.all {
             if !outage.is_audited && outage.finding.is_some() && time_s >= outage.back_s + SETTLED_S {
@@ -110,17 +110,21 @@ impl Outages {
             && time_s >= outage.cut.from_s
             && let Some(kind) = kind_of(&outage.cut.during)
         {
-            flash.aim(Aim { kind, byte: outage.cut.byte, seed: (seed as u32).wrapping_add(number as u32) });
+            flash.aim(CutPoint {
+                kind,
+                byte: outage.cut.byte,
+                seed: (seed as u32).wrapping_add(number as u32),
+            });
         }
     }
 
     /// The supply has failed. Returns how long it is away, s.
-    pub fn fails(&mut self, time_s: f64, flash: &mut Flash) -> f64 {
+    pub fn fails(&mut self, time_s: f64, flash: &mut EmulatedFlash) -> f64 {
         flash.power_on();
         let level = self.level;
         let Some(outage) = self.all.iter_mut().find(|outage| outage.finding.is_none()) else { return 0.3 };
-        let before = flash.before_cut().map(Kept::of);
-        let now = Kept::of(flash.cells());
+        let before = flash.before_cut().map(StoredRecords::read);
+        let now = StoredRecords::read(flash.cells());
         let mut finding = OutageFinding {
             at_s: time_s,
             during: outage.cut.during.clone(),
@@ -155,7 +159,7 @@ impl Outages {
     }
 
     /// Takes an output of the controller.
-    pub fn told(&mut self, time_s: f64, output: &Result<Estimate, NoEstimate>) {
+    pub fn push(&mut self, time_s: f64, output: &Result<Estimate, NoEstimate>) {
         let Ok(estimate) = output else { return };
         self.level = f64::from(estimate.health.level.get());
         let last = self.all.iter_mut().rev().find(|outage| outage.finding.is_some());
@@ -199,7 +203,7 @@ impl Outages {
 }
 
 /// The level that a controller tells which restores what is kept; nothing where nothing was learned with the calibration.
-fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
+fn learned(calibration: &Calibration, kept: &StoredRecords) -> Option<f32> {
     // Health needs parameters only to judge samples; which ones is the same for what is told of an empty one.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
@@ -215,10 +219,10 @@ fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
 }
 
 impl Outage {
-    fn audit(&mut self, flash: &Flash, powered_s: f64) {
+    fn audit(&mut self, flash: &EmulatedFlash, powered_s: f64) {
         self.is_audited = true;
         let (Some(finding), Some(before)) = (&mut self.finding, &self.before) else { return };
-        let after = match Kept::of(flash.cells()) {
+        let after = match StoredRecords::read(flash.cells()) {
             Ok(after) => after,
             Err(error) => {
                 finding.lost.push(format!("unreadable afterwards: {error}"));

@@ -13,7 +13,7 @@ const SCHEMA: u32 = 1;
 /// What the vehicle is simulated with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Model {
+pub enum VehicleModel {
     /// The full model: every piston chamber.
     Full,
     /// The calibration's own reduced model with a lagging motor: for long scenarios, where it is the firmware and not the
@@ -24,7 +24,7 @@ pub enum Model {
 /// What the driver commands and what wears at one time; linear in between.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Command {
+pub struct DriverCommand {
     /// Time, s.
     pub time_s: f64,
     /// Pump speed, r/min.
@@ -65,7 +65,7 @@ pub enum Sensor {
 /// How it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum FailureMode {
     /// Broken wire: no current, no edges, or infinite resistance.
     Open,
     /// Shorted wire.
@@ -85,16 +85,16 @@ pub enum Kind {
 /// A sensor's failure.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Failure {
+pub struct SensorFailure {
     /// Which sensor.
     pub sensor: Sensor,
     /// How.
-    pub kind: Kind,
+    pub kind: FailureMode,
     /// From then, s.
     pub from_s: f64,
     /// Until then, s.
     pub until_s: f64,
-    /// How much; see [`Kind`].
+    /// How much; see [`FailureMode`].
     #[serde(default)]
     pub size: f64,
 }
@@ -102,7 +102,7 @@ pub struct Failure {
 /// Others that flood the CAN bus with random frames.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Babble {
+pub struct BusFlood {
     /// From then, s.
     pub from_s: f64,
     /// Until then, s.
@@ -133,7 +133,7 @@ const fn third() -> f64 {
 /// A calibration update over the bus.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Update {
+pub struct ScheduledUpdate {
     /// Begun then, or when the one before has ended, s.
     pub from_s: f64,
     /// Its counter.
@@ -155,7 +155,7 @@ pub struct Update {
 /// What the estimates must be over a time.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Expect {
+pub struct Expectation {
     /// From then, s.
     pub from_s: f64,
     /// Until then, s.
@@ -192,23 +192,23 @@ const fn few() -> f64 {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct ScenarioFile {
     schema: u32,
     name: String,
     seed: u64,
-    vehicle: Model,
+    vehicle: VehicleModel,
     duration_s: f64,
-    at: Vec<Command>,
+    at: Vec<DriverCommand>,
     #[serde(default)]
-    failure: Vec<Failure>,
+    failure: Vec<SensorFailure>,
     #[serde(default)]
-    babble: Vec<Babble>,
+    babble: Vec<BusFlood>,
     #[serde(default)]
-    expect: Vec<Expect>,
+    expect: Vec<Expectation>,
     #[serde(default)]
     power_cut: Vec<PowerCut>,
     #[serde(default)]
-    update: Vec<Update>,
+    update: Vec<ScheduledUpdate>,
     #[serde(default = "minutes")]
     keep_s: u32,
 }
@@ -225,21 +225,21 @@ pub struct Scenario {
     /// Where everything random comes from.
     pub seed: u64,
     /// What the vehicle is simulated with.
-    pub vehicle: Model,
+    pub vehicle: VehicleModel,
     /// Length, s.
     pub duration_s: f64,
     /// Commands, in the order of time.
-    pub at: Vec<Command>,
+    pub at: Vec<DriverCommand>,
     /// Failures.
-    pub failures: Vec<Failure>,
+    pub failures: Vec<SensorFailure>,
     /// Floods of the bus.
-    pub babble: Vec<Babble>,
+    pub babble: Vec<BusFlood>,
     /// Expectations.
-    pub expects: Vec<Expect>,
+    pub expects: Vec<Expectation>,
     /// Failures of the supply, in the order of time.
     pub power_cuts: Vec<PowerCut>,
     /// Calibration updates, in the order of time.
-    pub updates: Vec<Update>,
+    pub updates: Vec<ScheduledUpdate>,
     /// Time between two writes of learned health and of the hours, s.
     pub keep_s: u32,
 }
@@ -258,7 +258,7 @@ impl Scenario {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn from_toml(file: &TomlFile) -> Result<Self, InputError> {
-        let raw: File = file.parse()?;
+        let raw: ScenarioFile = file.parse()?;
         file.check("schema", f64::from(raw.schema), Range::new(f64::from(SCHEMA), f64::from(SCHEMA), ""))?;
         file.check("duration_s", raw.duration_s, Range::new(0.01, 7.0 * 86_400.0, "s"))?;
         if raw.at.is_empty() {
@@ -324,13 +324,13 @@ impl Scenario {
 
     /// The command at a time: linear between its neighbours, constant before the first and after the last.
     #[must_use]
-    pub fn command(&self, time_s: f64) -> Command {
+    pub fn command(&self, time_s: f64) -> DriverCommand {
         let after = self.at.partition_point(|command| command.time_s <= time_s);
         match (after.checked_sub(1).and_then(|i| self.at.get(i)), self.at.get(after)) {
             (Some(a), Some(b)) => {
                 let share = (time_s - a.time_s) / (b.time_s - a.time_s);
                 let between = |from: f64, to: f64| from + (to - from) * share;
-                Command {
+                DriverCommand {
                     time_s,
                     n_p_rpm: between(a.n_p_rpm, b.n_p_rpm),
                     alpha: between(a.alpha, b.alpha),
@@ -339,9 +339,9 @@ impl Scenario {
                     wear: between(a.wear, b.wear),
                 }
             }
-            (Some(only), None) | (None, Some(only)) => Command { time_s, ..*only },
+            (Some(only), None) | (None, Some(only)) => DriverCommand { time_s, ..*only },
             (None, None) => {
-                Command { time_s, n_p_rpm: 0.0, alpha: 0.0, load_nm: 0.0, t_b_c: 20.0, wear: 1.0 }
+                DriverCommand { time_s, n_p_rpm: 0.0, alpha: 0.0, load_nm: 0.0, t_b_c: 20.0, wear: 1.0 }
             }
         }
     }

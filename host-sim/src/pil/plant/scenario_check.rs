@@ -5,12 +5,12 @@ use kou_estimator::calibration::record::crc32;
 use kou_estimator::{Estimate, Reason, Sample};
 use serde::Serialize;
 
-use super::scenario::{Expect, Scenario};
-use super::vehicle::Truth;
+use super::scenario::{Expectation, Scenario};
+use super::vehicle::VehicleTruth;
 
 /// One expectation and what came of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Finding {
+pub struct ExpectationFinding {
     /// From then, s.
     pub from_s: f64,
     /// Until then, s.
@@ -44,7 +44,7 @@ pub struct Finding {
 }
 
 #[derive(Debug, Default)]
-struct Tally {
+struct ExpectationTally {
     outputs: u64,
     others: u64,
     instead: Vec<(String, u64)>,
@@ -61,8 +61,8 @@ struct Tally {
 
 /// Judges outputs as they come.
 #[derive(Debug)]
-pub struct Verdict {
-    expects: Vec<(Expect, Tally)>,
+pub struct ScenarioCheck {
+    expects: Vec<(Expectation, ExpectationTally)>,
     outputs: u64,
     valid: u64,
     crc: u32,
@@ -83,19 +83,20 @@ pub fn name_of(output: &Result<Estimate, NoEstimate>) -> String {
     }
 }
 
-impl Verdict {
+impl ScenarioCheck {
     /// Of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
-        let expects = scenario.expects.iter().map(|expect| (expect.clone(), Tally::default())).collect();
+        let expects =
+            scenario.expects.iter().map(|expect| (expect.clone(), ExpectationTally::default())).collect();
         Self { expects, outputs: 0, valid: 0, crc: 0 }
     }
 
     /// Takes one output.
-    pub fn judge(
+    pub fn push(
         &mut self,
         time_s: f64,
-        truth: &Truth,
+        truth: &VehicleTruth,
         output: &Result<Estimate, NoEstimate>,
         sample: Option<&Sample>,
     ) {
@@ -169,19 +170,19 @@ impl Verdict {
 
     /// What came of each expectation.
     #[must_use]
-    pub fn findings(&self) -> Vec<Finding> {
+    pub fn findings(&self) -> Vec<ExpectationFinding> {
         self.expects.iter().map(|(expect, tally)| finding(expect, tally)).collect()
     }
 }
 
 #[allow(clippy::cast_precision_loss, reason = "counts of a run are far below 2^52")]
-fn finding(expect: &Expect, tally: &Tally) -> Finding {
+fn finding(expect: &Expectation, tally: &ExpectationTally) -> ExpectationFinding {
     let compared = tally.compared as f64;
     let of_valid = |value: f64| (tally.compared > 0).then_some(value);
     let mean_pct = 100.0 * tally.sum_relative / compared;
     let is_centred = expect.mean_within_pct.is_none_or(|pct| tally.compared > 0 && mean_pct.abs() <= pct);
     let few_beyond = tally.beyond as f64 <= expect.may_miss * compared;
-    Finding {
+    ExpectationFinding {
         from_s: expect.from_s,
         until_s: expect.until_s,
         state: expect.state.clone(),

@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::scenario::{Failure, Kind, Scenario, Sensor};
-use super::vehicle::Truth;
+use super::scenario::{FailureMode, Scenario, Sensor, SensorFailure};
+use super::vehicle::VehicleTruth;
 
 /// Rate of the stamping timer.
 const COUNTER_HZ: f64 = 10.0e6;
@@ -29,7 +29,7 @@ const INPUTS: usize = 8;
 
 /// What the controller's hardware sees of one millisecond.
 #[derive(Debug, Clone)]
-pub struct Signals {
+pub struct HardwareSignals {
     /// Conversions of the chip's inputs; none where it does not answer.
     counts: [Option<u16>; INPUTS],
     /// The stamping timer's count at the end.
@@ -40,7 +40,7 @@ pub struct Signals {
     pub motor: Few<u32, MAX_EDGES>,
 }
 
-impl Signals {
+impl HardwareSignals {
     /// What the chip clocks out while `request` is clocked in: nothing drives the line until the null bit.
     #[must_use]
     pub fn answer(&self, request: [u8; 3]) -> [u8; 3] {
@@ -59,16 +59,16 @@ impl Signals {
 
 /// The parts of one vehicle.
 #[derive(Debug)]
-pub struct Parts {
+pub struct SensorEmulator {
     rng: ChaCha8Rng,
-    failures: Vec<Failure>,
+    failures: Vec<SensorFailure>,
     /// Conversions at which inputs are stuck.
     stuck: [Option<u16>; INPUTS],
     last: [u16; INPUTS],
     ms: u64,
 }
 
-impl Parts {
+impl SensorEmulator {
     /// The parts of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
@@ -90,13 +90,13 @@ impl Parts {
         f64::from(self.rng.next_u32()) < probability * (f64::from(u32::MAX) + 1.0)
     }
 
-    fn failure(&self, sensor: Sensor, time_s: f64) -> Option<Failure> {
-        let now = |f: &&Failure| f.sensor == sensor && time_s >= f.from_s && time_s < f.until_s;
+    fn failure(&self, sensor: Sensor, time_s: f64) -> Option<SensorFailure> {
+        let now = |f: &&SensorFailure| f.sensor == sensor && time_s >= f.from_s && time_s < f.until_s;
         self.failures.iter().find(now).copied()
     }
 
     /// What the hardware sees of the millisecond that ends at `time_s`.
-    pub fn millisecond(&mut self, time_s: f64, truth: &Truth) -> Signals {
+    pub fn millisecond(&mut self, time_s: f64, truth: &VehicleTruth) -> HardwareSignals {
         let begin_s = self.ms as f64 * 1e-3;
         self.ms += 1;
         let mut counts = [None; INPUTS];
@@ -110,7 +110,7 @@ impl Parts {
         }
         let pump = self.edges(Sensor::Pump, 1, begin_s, time_s, truth);
         let motor = self.edges(Sensor::Motor, 2, begin_s, time_s, truth);
-        Signals { counts, count: stamp(self.ms as f64 * 1e-3), pump, motor }
+        HardwareSignals { counts, count: stamp(self.ms as f64 * 1e-3), pump, motor }
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to twelve bits")]
@@ -119,15 +119,15 @@ impl Parts {
         let noise = self.normal(NOISE_COUNTS);
         let mut wire = None;
         let mut held = false;
-        if let Some(Failure { kind, size, from_s, .. }) = failure {
+        if let Some(SensorFailure { kind, size, from_s, .. }) = failure {
             match kind {
-                Kind::Open => wire = Some(if sensor == Sensor::Oil { 1.0 } else { 0.0 }),
-                Kind::Short => wire = Some(if sensor == Sensor::Oil { 0.0 } else { 1.0 }),
-                Kind::Stuck => held = true,
-                Kind::Offset => value += size,
-                Kind::Drift => value += size * (time_s - from_s),
-                Kind::Noise => value += self.normal(size),
-                Kind::DropOut => {
+                FailureMode::Open => wire = Some(if sensor == Sensor::Oil { 1.0 } else { 0.0 }),
+                FailureMode::Short => wire = Some(if sensor == Sensor::Oil { 0.0 } else { 1.0 }),
+                FailureMode::Stuck => held = true,
+                FailureMode::Offset => value += size,
+                FailureMode::Drift => value += size * (time_s - from_s),
+                FailureMode::Noise => value += self.normal(size),
+                FailureMode::DropOut => {
                     if self.chance(size) {
                         return None;
                     }
@@ -147,17 +147,17 @@ impl Parts {
         Some(fresh)
     }
 
-    /// Stamps of a wheel's edges; `shaft` is its column in [`Truth::turns`].
+    /// Stamps of a wheel's edges; `shaft` is its column in [`VehicleTruth::turns`].
     fn edges(
         &mut self,
         sensor: Sensor,
         shaft: usize,
         begin_s: f64,
         time_s: f64,
-        truth: &Truth,
+        truth: &VehicleTruth,
     ) -> Few<u32, MAX_EDGES> {
         let failure = self.failure(sensor, time_s).map(|failure| match failure.kind {
-            Kind::Drift => (Kind::Drift, failure.size * (time_s - failure.from_s)),
+            FailureMode::Drift => (FailureMode::Drift, failure.size * (time_s - failure.from_s)),
             kind => (kind, failure.size),
         });
         let mut times: Vec<f64> = Vec::new();
@@ -174,11 +174,11 @@ impl Parts {
             }
         }
         match failure {
-            Some((Kind::Open | Kind::Short | Kind::Stuck, _)) => times.clear(),
-            Some((Kind::Offset | Kind::Drift | Kind::DropOut, share)) => {
+            Some((FailureMode::Open | FailureMode::Short | FailureMode::Stuck, _)) => times.clear(),
+            Some((FailureMode::Offset | FailureMode::Drift | FailureMode::DropOut, share)) => {
                 times.retain(|_| !self.chance(share));
             }
-            Some((Kind::Noise, per_ms)) => {
+            Some((FailureMode::Noise, per_ms)) => {
                 let mut left = per_ms;
                 while left > 0.0 {
                     if self.chance(left.min(1.0)) {

@@ -9,7 +9,7 @@ use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, Params};
 use serde::Serialize;
 
-use super::scenario::{Scenario, Update};
+use super::scenario::{Scenario, ScheduledUpdate};
 use kou_records::InputError;
 
 /// Source address of the service tool by the standard.
@@ -34,8 +34,8 @@ pub struct UpdateFinding {
     pub met: bool,
 }
 
-struct Transaction {
-    update: Update,
+struct UpdateTransaction {
+    update: ScheduledUpdate,
     transfer: Transfer,
     params: Option<Params>,
     sent: usize,
@@ -45,8 +45,8 @@ struct Transaction {
 }
 
 /// The tool.
-pub struct Tool {
-    transactions: Vec<Transaction>,
+pub struct ServiceTool {
+    transactions: Vec<UpdateTransaction>,
     controller: Option<u8>,
     ms: u64,
 }
@@ -59,7 +59,7 @@ pub fn key_of(scenario: &Scenario) -> [u8; 32] {
     })
 }
 
-impl Tool {
+impl ServiceTool {
     /// The tool of a scenario.
     ///
     /// # Errors
@@ -81,7 +81,7 @@ impl Tool {
             let bytes = buffer.get(..length).unwrap_or_default();
             let transfer =
                 Transfer::new(bytes, update.counter, &Key::new(key)).map_err(|e| error(e.to_string()))?;
-            Ok(Transaction {
+            Ok(UpdateTransaction {
                 update: update.clone(),
                 transfer,
                 params: Params::new(&candidate).ok(),
@@ -143,7 +143,7 @@ impl Tool {
     /// What came of each.
     #[must_use]
     pub fn findings(&self) -> Vec<UpdateFinding> {
-        let of = |one: &Transaction| {
+        let of = |one: &UpdateTransaction| {
             let came = one.came.as_ref().map(|(came, _)| came.clone());
             let after_s = one.came.as_ref().map(|(_, ms)| *ms as f64 * 1e-3);
             UpdateFinding {

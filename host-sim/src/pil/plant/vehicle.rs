@@ -9,8 +9,8 @@ use kou_estimator::reduced::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params};
 
-use super::LoopError;
-use super::scenario::{Command, Model as Kind, Scenario};
+use super::error::LoopError;
+use super::scenario::{DriverCommand, Scenario, VehicleModel};
 use crate::synth::kou_truth;
 use kou_lumped::integrator::{Inputs, Integrator, State};
 use kou_lumped::machine::Machine;
@@ -35,7 +35,7 @@ const LAG_S: f64 = 0.05;
 
 /// The vehicle at the end of a millisecond.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
+pub struct VehicleTruth {
     /// Pump speed, r/min.
     pub n_p_rpm: f64,
     /// Motor speed, r/min.
@@ -59,9 +59,9 @@ pub struct Truth {
 #[allow(clippy::large_enum_variant, reason = "there is one vehicle in a run")]
 pub enum Vehicle {
     /// By the full model.
-    Full(Full),
+    Full(LumpedVehicle),
     /// By the calibration's reduced model.
-    Surrogate(Surrogate),
+    Surrogate(SurrogateVehicle),
 }
 
 impl Vehicle {
@@ -72,8 +72,8 @@ impl Vehicle {
     pub fn new(machine: &Machine, calibration: &Calibration, scenario: &Scenario) -> Result<Self, LoopError> {
         let first = scenario.command(0.0);
         Ok(match scenario.vehicle {
-            Kind::Full => Self::Full(Full::new(machine, &first)?),
-            Kind::Surrogate => Self::Surrogate(Surrogate::new(machine, calibration)?),
+            VehicleModel::Full => Self::Full(LumpedVehicle::new(machine, &first)?),
+            VehicleModel::Surrogate => Self::Surrogate(SurrogateVehicle::new(machine, calibration)?),
         })
     }
 
@@ -81,7 +81,7 @@ impl Vehicle {
     ///
     /// # Errors
     /// When the model gives up.
-    pub fn millisecond(&mut self, command: &Command) -> Result<Truth, LoopError> {
+    pub fn millisecond(&mut self, command: &DriverCommand) -> Result<VehicleTruth, LoopError> {
         match self {
             Self::Full(full) => full.millisecond(command),
             Self::Surrogate(surrogate) => Ok(surrogate.millisecond(command)),
@@ -89,12 +89,12 @@ impl Vehicle {
     }
 }
 
-fn truth_at(machine: &Machine, command: &Command, p_h_mpa: f64) -> f64 {
+fn truth_at(machine: &Machine, command: &DriverCommand, p_h_mpa: f64) -> f64 {
     command.wear * kou_truth(machine, command.n_p_rpm.max(LEAST_RPM), p_h_mpa.max(LEAST_MPA), command.t_b_c)
 }
 
 /// The full model.
-pub struct Full {
+pub struct LumpedVehicle {
     machine: Machine,
     model: Model,
     plant: Plant,
@@ -104,18 +104,18 @@ pub struct Full {
     ms: u64,
 }
 
-struct Angles<'a> {
+struct AngleRecorder<'a> {
     begin_s: f64,
     into: &'a mut Vec<[f64; 3]>,
 }
 
-impl Observer for Angles<'_> {
+impl Observer for AngleRecorder<'_> {
     fn see(&mut self, state: &State, _: f64) {
         self.into.push([state.time_s - self.begin_s, state.phi_p_rad / TAU, state.phi_m_rad / TAU]);
     }
 }
 
-fn inputs(command: &Command) -> Inputs {
+fn inputs(command: &DriverCommand) -> Inputs {
     Inputs {
         drive: Drive::SpeedRadS(command.n_p_rpm / 60.0 * TAU),
         load: Load::ResistiveNm(command.load_nm),
@@ -123,8 +123,8 @@ fn inputs(command: &Command) -> Inputs {
     }
 }
 
-impl Full {
-    fn new(machine: &Machine, first: &Command) -> Result<Self, LoopError> {
+impl LumpedVehicle {
+    fn new(machine: &Machine, first: &DriverCommand) -> Result<Self, LoopError> {
         let model = Model::new(machine)?;
         let kou = truth_at(machine, first, 0.0);
         let plant = model.plant(first.t_b_c.round(), kou)?;
@@ -134,7 +134,7 @@ impl Full {
         Ok(Self { machine: machine.clone(), model, plant, state, kou, high_mpa: 0.0, ms: 0 })
     }
 
-    fn millisecond(&mut self, command: &Command) -> Result<Truth, LoopError> {
+    fn millisecond(&mut self, command: &DriverCommand) -> Result<VehicleTruth, LoopError> {
         if self.ms.is_multiple_of(TRUTH_MS) {
             self.kou = truth_at(&self.machine, command, self.high_mpa);
             // Whole degrees: the oil's tables are kept, and none of its properties but viscosity changes much in one.
@@ -146,14 +146,14 @@ impl Full {
         let omega = command.n_p_rpm / 60.0 * TAU;
         let steps = (1e-3 * omega / STEP_RAD).max(1e-3 / STEP_S).ceil();
         let mut turns = vec![[0.0, self.state.phi_p_rad / TAU, self.state.phi_m_rad / TAU]];
-        let mut angles = Angles { begin_s: self.state.time_s, into: &mut turns };
+        let mut angles = AngleRecorder { begin_s: self.state.time_s, into: &mut turns };
         let mut integrator = Integrator::new(&self.plant, Method::TrBdf2);
         run(&mut integrator, &mut self.state, &inputs, 1e-3 / steps, steps as u64, &mut angles)?;
         let gauge = |line: usize| (self.state.p_node_pa[line] - ATMOSPHERE_PA) * 1.0e-6;
         let lines_mpa = [gauge(A), gauge(B)];
         // The mean over some ripples, as leakage forms it.
         self.high_mpa += 0.02 * (lines_mpa[0].max(lines_mpa[1]) - self.high_mpa);
-        Ok(Truth {
+        Ok(VehicleTruth {
             n_p_rpm: command.n_p_rpm,
             n_m_rpm: self.state.omega_m_rad_s / TAU * 60.0,
             lines_mpa,
@@ -167,7 +167,7 @@ impl Full {
 }
 
 /// The reduced model, its motor lagging.
-pub struct Surrogate {
+pub struct SurrogateVehicle {
     machine: Machine,
     params: Params,
     low_mpa: f64,
@@ -177,7 +177,7 @@ pub struct Surrogate {
     motor_turns: f64,
 }
 
-impl Surrogate {
+impl SurrogateVehicle {
     fn new(machine: &Machine, calibration: &Calibration) -> Result<Self, InputError> {
         let params =
             Params::new(calibration).map_err(|e| InputError::new(format!("calibration refused: {e}")))?;
@@ -198,7 +198,7 @@ impl Surrogate {
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-    fn millisecond(&mut self, command: &Command) -> Truth {
+    fn millisecond(&mut self, command: &DriverCommand) -> VehicleTruth {
         let driving = command.alpha.abs() > 0.02 && command.n_p_rpm > LEAST_RPM;
         let rise_mpa = if driving { command.load_nm / self.m3_per_rad * 1.0e-6 } else { 0.0 };
         let high_mpa = self.low_mpa + rise_mpa;
@@ -220,7 +220,7 @@ impl Surrogate {
         self.pump_turns += command.n_p_rpm / 60.0 * 1e-3;
         self.motor_turns += self.n_m_rpm / 60.0 * 1e-3;
         let high_is_a = command.alpha >= 0.0;
-        Truth {
+        VehicleTruth {
             n_p_rpm: command.n_p_rpm,
             n_m_rpm: self.n_m_rpm,
             lines_mpa: if high_is_a { [high_mpa, self.low_mpa] } else { [self.low_mpa, high_mpa] },

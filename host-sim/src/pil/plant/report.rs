@@ -1,0 +1,53 @@
+//! Report of a closed loop, as its JSON states it.
+
+use serde::Serialize;
+
+use super::calibration_in_use::LawFinding;
+use super::can_bus::BusTraffic;
+use super::outage::OutageFinding;
+use super::scenario_check::ExpectationFinding;
+use super::service_tool::UpdateFinding;
+
+/// Results of a closed loop.
+#[derive(Debug, Clone, Serialize)]
+pub struct LoopReport {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Simulated time, s.
+    pub simulated_s: f64,
+    /// Simulated over real time.
+    pub real_time_factor: f64,
+    /// Outputs of the firmware.
+    pub outputs: u64,
+    /// Outputs with a valid observed coefficient.
+    pub valid: u64,
+    /// CRC-32 over all outputs: the same for the same scenario, machine, calibration and firmware.
+    pub outputs_crc32: u32,
+    /// Expectations and the observed states.
+    pub findings: Vec<ExpectationFinding>,
+    /// Failures of the supply, and the state found afterwards.
+    pub outages: Vec<OutageFinding>,
+    /// Calibration updates and their results.
+    pub updates: Vec<UpdateFinding>,
+    /// Calibration with which the outputs were computed.
+    pub law: LawFinding,
+    /// Trouble codes in flash at the end, and how often each occurred.
+    pub troubles: Vec<(String, u8)>,
+    /// Pages of flash erased.
+    pub erasures: u64,
+    /// Traffic on the bus.
+    pub bus: BusTraffic,
+    /// Missed deadlines of all tasks.
+    pub missed_deadlines: u64,
+    /// Largest start jitter of any task, us.
+    pub latest_us: u32,
+    /// Longest cycle of each task, us: sample, estimate, publish, store, supervise.
+    pub longest_us: [u32; 5],
+    /// Cycles of each task since the last start.
+    pub turns: [u32; 5],
+    /// Deepest stack, bytes.
+    pub stack_bytes: u32,
+    /// Whether every expectation was met, nothing that was kept was lost, every update came to what was expected, no
+    /// deadline was missed, and the firmware ended because it was told to.
+    pub passed: bool,
+}
