@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use host_sim::pil::{PilError, PilOptions, Session, run_to_end};
+use host_sim::pil::{PilError, PilOptions, PilSession, run_to_end};
 use kou_tests::{pil_options, set_up};
 
-fn provoke(what: &str) -> host_sim::pil::Ended {
+fn provoke(what: &str) -> host_sim::pil::FirmwareExit {
     set_up(run_to_end(&PilOptions::of_binary("kou-qemu-provoke"), &["provoke", what]))
 }
 
@@ -36,7 +36,7 @@ fn qemu_silent_firmware_is_given_up_in_time() {
     let start = Instant::now();
     let options =
         PilOptions { timeout: Duration::from_secs(20), ..PilOptions::of_binary("kou-qemu-provoke") };
-    match Session::start(&options) {
+    match PilSession::start(&options) {
         Err(PilError::Ended { code: Some(_), .. }) => {}
         other => panic!("{:?}", other.map(|_| "a session")),
     }
@@ -46,15 +46,15 @@ fn qemu_silent_firmware_is_given_up_in_time() {
 #[test]
 fn qemu_and_firmware_missing_are_said_with_the_command_that_helps() {
     let missing = PilOptions { qemu: "no-such-qemu".into(), ..pil_options() };
-    let error = Session::start(&missing).err().expect("there is no such program").to_string();
+    let error = PilSession::start(&missing).err().expect("there is no such program").to_string();
     assert!(error.contains("apt-get install") && error.contains("no-such-qemu"), "{error}");
     let missing = PilOptions { firmware_elf: "no/such/firmware".into(), ..pil_options() };
-    let error = Session::start(&missing).err().expect("there is no such file").to_string();
+    let error = PilSession::start(&missing).err().expect("there is no such file").to_string();
     assert!(error.contains("cargo build --release") && error.contains("no/such/firmware"), "{error}");
 }
 
 #[test]
 fn qemu_firmware_ends_when_its_host_is_gone() {
-    let session = set_up(Session::start(&pil_options()));
+    let session = set_up(PilSession::start(&pil_options()));
     assert_eq!(set_up(session.hang_up()).code, Some(3));
 }

@@ -1,6 +1,6 @@
 //! The link to the firmware in QEMU: what is damaged is answered and never obeyed, what is refused is refused by name.
 
-use host_sim::pil::{Line, PilError, PilOptions, Session, frame, run, same_bits};
+use host_sim::pil::{LinkTransport, PilError, PilOptions, PilSession, frame, run, same_bits};
 use kou_app::link::{ErrorKind, FieldProblem, FrameError, Refusal, Request, Response};
 use kou_estimator::calibration::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
@@ -34,7 +34,7 @@ fn damaged(good: &[u8], random: &mut Random) -> Vec<u8> {
 
 #[test]
 fn qemu_damaged_frames_are_answered_with_errors_and_never_obeyed() {
-    let mut session = set_up(Session::start(&pil_options()));
+    let mut session = set_up(PilSession::start(&pil_options()));
     let record = record_of(&reference_calibration());
     let crc = set_up(session.load_calibration(&record));
     let mut random = Random(7);
@@ -74,7 +74,7 @@ fn qemu_damaged_frames_are_answered_with_errors_and_never_obeyed() {
 
 #[test]
 fn qemu_each_kind_of_bad_frame_has_its_own_error_and_counter() {
-    let mut session = set_up(Session::start(&pil_options()));
+    let mut session = set_up(PilSession::start(&pil_options()));
     // Payloads with a good CRC, and bytes that are no frame; worked out by hand from docs/link.md.
     let with_crc = |payload: &[u8]| {
         let mut body = payload.to_vec();
@@ -100,7 +100,7 @@ fn qemu_each_kind_of_bad_frame_has_its_own_error_and_counter() {
     // A run of zeros is no frame and has no answer: the next answer belongs to the sample.
     session.send_raw(vec![0; 100]).expect("the firmware runs");
     let sample = Samples::new(1).next().expect("endless");
-    assert_eq!(set_up(session.ask(&Request::Sample(sample))), Response::Error(ErrorKind::NoCalibration));
+    assert_eq!(set_up(session.request(&Request::Sample(sample))), Response::Error(ErrorKind::NoCalibration));
     let counts = set_up(session.status()).counts;
     let each = [
         counts.frames_too_long,
@@ -116,7 +116,7 @@ fn qemu_each_kind_of_bad_frame_has_its_own_error_and_counter() {
 
 #[test]
 fn qemu_calibration_refused_names_the_field() {
-    let mut session = set_up(Session::start(&pil_options()));
+    let mut session = set_up(PilSession::start(&pil_options()));
     let good = reference_calibration();
     let crc = set_up(session.load_calibration(&record_of(&good)));
 
@@ -148,7 +148,7 @@ fn qemu_calibration_refused_names_the_field() {
     ];
     for (calibration, field, problem) in refusals {
         match session.load_calibration(&record_of(&calibration)) {
-            Err(PilError::CalibrationRefused(refusal)) => {
+            Err(PilError::CalibrationRejected(refusal)) => {
                 assert_eq!(refusal, Refusal::Field { field: field.to_string(), problem });
             }
             other => panic!("{field}: {other:?}"),
@@ -157,7 +157,7 @@ fn qemu_calibration_refused_names_the_field() {
     let mut record = record_of(&good);
     record[20] ^= 1;
     match session.load_calibration(&record) {
-        Err(PilError::CalibrationRefused(refusal)) => assert_eq!(refusal, Refusal::Record(RecordError::Crc)),
+        Err(PilError::CalibrationRejected(refusal)) => assert_eq!(refusal, Refusal::Record(RecordError::Crc)),
         other => panic!("{other:?}"),
     }
     // The calibration before them is still in use.
@@ -167,7 +167,7 @@ fn qemu_calibration_refused_names_the_field() {
 
 #[test]
 fn qemu_a_new_calibration_takes_effect_between_two_samples_and_starts_the_state_anew() {
-    let mut session = set_up(Session::start(&pil_options()));
+    let mut session = set_up(PilSession::start(&pil_options()));
     let first = reference_calibration();
     let mut second = first.clone();
     second.law.c += 0.01;
@@ -196,7 +196,7 @@ fn qemu_a_new_calibration_takes_effect_between_two_samples_and_starts_the_state_
 
 #[test]
 fn qemu_over_its_uart_gives_the_same_bits() {
-    let options = PilOptions { line: Line::Uart, ..pil_options() };
+    let options = PilOptions { transport: LinkTransport::Uart, ..pil_options() };
     let params = reference_params();
     let mut state = State::new();
     let mut mismatches = 0;

@@ -13,7 +13,7 @@ use std::task::{Context, Waker};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
-use host_sim::pil::plant::{Parts, Scenario, Vehicle};
+use host_sim::pil::plant::{Scenario, SensorEmulator, Vehicle};
 use kou_app::controller::{
     Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
     Publish, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
@@ -62,7 +62,7 @@ fn minute() -> Vec<Inputs> {
         Machine::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-sim/machines/reference.toml"))
             .expect("the reference machine is shipped");
     let mut vehicle = Vehicle::new(&machine, &reference_calibration(), &scenario).expect("it has a motor");
-    let mut parts = Parts::new(&scenario);
+    let mut parts = SensorEmulator::new(&scenario);
     (1..=60_000_u32)
         .map(|ms| {
             let time_s = f64::from(ms) * 1e-3;
