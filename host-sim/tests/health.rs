@@ -1,44 +1,59 @@
-//! Health learned while driving, on simulated worlds: what it finds, what it must not find, and that its state is exact.
+//! Health monitoring on simulated drives: detection, false alarms, coverage of its intervals, exactness of its state.
 
 mod support;
 
-use host_sim::evaluate::{Course, Event, Looks, Run, Setting, Share, Tally, World, faults};
+use host_sim::evaluate::{
+    CoverageCounts, CoverageShare, DriveEvent, HitCount, SimulatedDrive, TrialCase, TrialResult,
+    TrialSettings, fault_cases,
+};
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 use kou_estimator::{Calibration, State, state_record, step};
 use kou_identify::calibration::SensorClass;
 use support::{Folder, calibrated};
 
-fn set_up() -> (Setting, Calibration) {
+fn set_up() -> (TrialSettings, Calibration) {
     let folder = Folder::new();
     let out = calibrated(&folder, "B");
     let (calibration, params) = kou_identify::calibration::read_checked(&out).unwrap();
     let law = &calibration.law;
     let limits = [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()];
     let class = SensorClass::B;
-    let setting =
-        Setting { params, limits, class, misfit: 0.02, oil_ageing_per_h: 0.0, worn_sd: 0.0, seed: 1000 };
-    (setting, calibration)
+    let settings = TrialSettings {
+        params,
+        limits,
+        class,
+        misfit: 0.02,
+        oil_ageing_per_h: 0.0,
+        worn_sd: 0.0,
+        seed: 1000,
+    };
+    (settings, calibration)
 }
 
-fn setting() -> Setting {
+fn settings() -> TrialSettings {
     set_up().0
 }
 
-fn leak(share: f64) -> Course {
-    let event = Event::Leak { share, within_s: 60.0 };
-    Course { event, hours: 1.0, until_report: false, cause: Cause::Wear }
+fn leak(share: f64) -> TrialCase {
+    let event = DriveEvent::Leak { share, within_s: 60.0 };
+    TrialCase { event, hours: 1.0, until_report: false, cause: Cause::Wear }
 }
 
 #[test]
 fn prop_leaks_and_drifts_are_reported_in_time() {
-    let setting = setting();
-    let drift =
-        Course { event: Event::Drift { per_h: 0.01 }, hours: 15.0, until_report: true, cause: Cause::Wear };
-    let results = setting.courses(40, &[leak(0.1), leak(0.3), drift]);
+    let settings = settings();
+    let drift = TrialCase {
+        event: DriveEvent::Drift { per_h: 0.01 },
+        hours: 15.0,
+        until_report: true,
+        cause: Cause::Wear,
+    };
+    let results = settings.run_cases(40, &[leak(0.1), leak(0.3), drift]);
     let [ten, thirty, drift] = results.try_into().unwrap();
-    let within =
-        |runs: &[Run], limit_s: f64| runs.iter().filter(|r| r.delay_s.is_some_and(|d| d <= limit_s)).count();
+    let within = |runs: &[TrialResult], limit_s: f64| {
+        runs.iter().filter(|r| r.delay_s.is_some_and(|d| d <= limit_s)).count()
+    };
     println!("10 % within 10 min: {}; 30 % within 1 min: {}", within(&ten, 600.0), within(&thirty, 60.0));
     // 38 of 40, as 95 of 100; delays count seconds of judged driving. The 60 s within which the leak grows are in them.
     assert!(within(&ten, 600.0) >= 38);
@@ -50,8 +65,8 @@ fn prop_leaks_and_drifts_are_reported_in_time() {
 
 #[test]
 fn prop_leaks_are_never_blamed_on_a_sensor_and_large_ones_are_confirmed_as_wear() {
-    let results = setting().courses(20, &[leak(0.1), leak(1.0)]);
-    let blamed = |runs: &[Run]| runs.iter().filter(|r| r.sensor).count();
+    let results = settings().run_cases(20, &[leak(0.1), leak(1.0)]);
+    let blamed = |runs: &[TrialResult]| runs.iter().filter(|r| r.sensor).count();
     let [ten, hundred] = results.try_into().unwrap();
     // 1 of 20, as 5 of 100 the other way round.
     assert!(blamed(&ten) <= 1 && blamed(&hundred) <= 1, "{} {}", blamed(&ten), blamed(&hundred));
@@ -61,14 +76,14 @@ fn prop_leaks_are_never_blamed_on_a_sensor_and_large_ones_are_confirmed_as_wear(
 
 #[test]
 fn prop_sensor_faults_and_air_are_not_confirmed_as_wear_and_the_report_keeps_them_open() {
-    let (setting, calibration) = set_up();
-    let named = faults(&setting.params, &calibration.oil).unwrap();
-    let courses: Vec<Course> = named
+    let (settings, calibration) = set_up();
+    let named = fault_cases(&settings.params, &calibration.oil).unwrap();
+    let cases: Vec<TrialCase> = named
         .iter()
-        .map(|f| Course { event: f.event.clone(), hours: 1.0, until_report: false, cause: f.cause })
+        .map(|f| TrialCase { event: f.event.clone(), hours: 1.0, until_report: false, cause: f.cause })
         .collect();
-    for (fault, runs) in named.iter().zip(setting.courses(40, &courses)) {
-        let count = |of: fn(&Run) -> bool| runs.iter().filter(|r| of(r)).count();
+    for (fault, runs) in named.iter().zip(settings.run_cases(40, &cases)) {
+        let count = |of: fn(&TrialResult) -> bool| runs.iter().filter(|r| of(r)).count();
         let (wear, misled) = (count(|r| r.wear), count(|r| r.misled));
         let name = fault.name;
         println!("{name}: wear confirmed {wear}, blamed {}, without it {misled}", count(|r| r.sensor));
@@ -76,12 +91,12 @@ fn prop_sensor_faults_and_air_are_not_confirmed_as_wear_and_the_report_keeps_the
         assert!(wear <= 2, "{name} was confirmed as wear in {wear}");
         assert!(misled <= 4, "{name}: causes without it were named in {misled}");
         // Whatever was reported an hour ago has causes, unless the report came too late for them.
-        let silent = |r: &Run| r.delay_s.is_some_and(|d| d < 600.0) && r.remaining.is_empty();
+        let silent = |r: &TrialResult| r.delay_s.is_some_and(|d| d < 600.0) && r.remaining.is_empty();
         assert_eq!(count(silent), 0, "{name}");
         if matches!(fault.cause, Cause::Temperature) {
             assert_eq!(misled, 0, "{name}: the temperature must remain wherever anything was reported");
         }
-        // What shifts the ratio by per cents is told from leakage always.
+        // What shifts the ratio by per cents is always distinguished from leakage.
         if matches!(fault.cause, Cause::PumpSpeedOffset | Cause::MotorSpeedOffset | Cause::Displacement) {
             assert_eq!(count(|r| r.sensor), runs.len(), "{name}");
         }
@@ -89,33 +104,39 @@ fn prop_sensor_faults_and_air_are_not_confirmed_as_wear_and_the_report_keeps_the
 }
 
 #[test]
-fn prop_a_healthy_machine_is_left_in_peace_for_a_hundred_hours() {
-    let run = setting().run(0, 100.0);
+fn prop_a_healthy_machine_gives_no_false_report_for_a_hundred_hours() {
+    let run = settings().run_healthy(0, 100.0);
     println!("level in its interval {:?}, Kou {:?}", run.level.all(), run.kou.all());
     assert_eq!(run.false_changes, 0);
     assert!(!run.false_wear);
 }
 
-/// Demanded share of 95 % intervals that hold the truth. A thousand worlds give a share of 0.95 to +-0.007, 1 sigma, since
-/// a world is one draw of the systematic errors: where the truth is 0.95, either bound is three of these away.
+/// Demanded share of 95 % intervals that hold the truth. A thousand drives give a share of 0.95 to +-0.007, 1 sigma, since
+/// a drive is one draw of the systematic errors: where the truth is 0.95, either bound is three of these away.
 const COVERED: std::ops::RangeInclusive<f64> = 0.93..=0.97;
 
 #[test]
 fn val_intervals_of_level_and_kou_hold_the_truth_as_often_as_they_say_early_late_and_over_the_envelope() {
     // Machines that have worn by a standard deviation of 0.3 before learning begins, as the prior of the level says: of new
     // ones the prior would be right without having learned anything.
-    let worn = Setting { worn_sd: 0.3, ..setting() };
-    let runs = worn.runs(1000, 2.0);
-    for (name, looks) in [("level", (|r| &r.level) as fn(&Run) -> &Looks), ("Kou", |r| &r.kou)] {
-        let share = |of: &dyn Fn(&Looks) -> Tally| Share::over(runs.iter().map(|r| of(looks(r))));
+    let worn = TrialSettings { worn_sd: 0.3, ..settings() };
+    let runs = worn.run_healthy_many(1000, 2.0);
+    for (name, counts) in
+        [("level", (|r| &r.level) as fn(&TrialResult) -> &CoverageCounts), ("Kou", |r| &r.kou)]
+    {
+        let share = |of: &dyn Fn(&CoverageCounts) -> HitCount| {
+            CoverageShare::over(runs.iter().map(|r| of(counts(r))))
+        };
         let quarter = share(&|l| l.by_time[0]);
         println!("{name}: first quarter of an hour {quarter:?}");
         // In the first minutes, with every prior wider than what these machines are drawn from, it may hold more often.
         assert!((0.93..=0.985).contains(&quarter.share), "{name}: {quarter:?}");
-        for (window, got) in [("first 90 minutes", share(&Looks::early)), ("later", share(&Looks::late))] {
+        for (window, got) in
+            [("first 90 minutes", share(&CoverageCounts::early)), ("later", share(&CoverageCounts::late))]
+        {
             println!("{name}, {window}: {:.3} +- {:.3}", got.share, got.share_se);
             assert!(COVERED.contains(&got.share), "{name}, {window}: {got:?}");
-            assert!(got.share_se < 0.01, "too few worlds");
+            assert!(got.share_se < 0.01, "too few drives");
         }
         // Eighteen more shares, of which one in twenty leaves two standard errors by chance; and the oil is cold in the first
         // minutes, which are on the safe side.
@@ -132,26 +153,31 @@ fn val_intervals_of_level_and_kou_hold_the_truth_as_often_as_they_say_early_late
 
 #[test]
 fn val_interval_of_the_level_holds_for_a_machine_that_leaks_half_as_much_again() {
-    // What no driving averages out grows with the leakage. 400 worlds: +-0.011, 1 sigma, two of which are allowed for.
-    let setting = setting();
+    // What no driving averages out grows with the leakage. 400 drives: +-0.011, 1 sigma, two of which are allowed for.
+    let settings = settings();
     let shares = (0..400_u64).map(|number| {
-        let mut world =
-            World::new(&setting.params, setting.limits, setting.class, setting.misfit, 9000 + number);
-        world.begin_at(1.5);
+        let mut drive = SimulatedDrive::new(
+            &settings.params,
+            settings.limits,
+            settings.class,
+            settings.misfit,
+            9000 + number,
+        );
+        drive.start_at_level(1.5);
         let mut state = State::new();
-        let mut tally = Tally::default();
+        let mut hits = HitCount::default();
         for i in 0..72_000 {
-            let (sample, _) = world.advance();
-            let health = step(&setting.params, &mut state, &sample).health;
+            let (sample, _) = drive.advance();
+            let health = step(&settings.params, &mut state, &sample).health;
             if i > 36_000 && i % 1200 == 0 {
-                tally.looks += 1;
-                let error = f64::from(health.level.get()) - world.level();
-                tally.hits += u32::from(error.abs() <= 1.96 * f64::from(health.level_se.get()));
+                hits.looks += 1;
+                let error = f64::from(health.level.get()) - drive.level();
+                hits.hits += u32::from(error.abs() <= 1.96 * f64::from(health.level_se.get()));
             }
         }
-        tally
+        hits
     });
-    let got = Share::over(shares);
+    let got = CoverageShare::over(shares);
     println!("{got:?}");
     assert!((0.908..=0.992).contains(&got.share), "{got:?}");
 }
@@ -161,21 +187,22 @@ const CALIBRATION: u32 = 0x1234_5678;
 
 #[test]
 fn saving_and_restoring_at_any_sample_changes_no_bit_of_what_follows() {
-    let setting = setting();
-    let mut world = World::new(&setting.params, setting.limits, setting.class, setting.misfit, 7);
+    let settings = settings();
+    let mut drive =
+        SimulatedDrive::new(&settings.params, settings.limits, settings.class, settings.misfit, 7);
     let (mut straight, mut restored) = (State::new(), State::new());
     let mut bytes = [0_u8; state_record::MAX_LEN];
     let mut largest = 0;
     for i in 0..40_000 {
         if i == 20_000 {
-            world.schedule(world.time_s(), Event::Leak { share: 0.5, within_s: 30.0 });
+            drive.schedule(drive.time_s(), DriveEvent::Leak { share: 0.5, within_s: 30.0 });
         }
-        let (sample, _) = world.advance();
+        let (sample, _) = drive.advance();
         let length = state_record::encode(&restored, CALIBRATION, &mut bytes).unwrap();
         largest = largest.max(length);
         restored = state_record::decode(&bytes[..length], CALIBRATION).unwrap();
-        let one = step(&setting.params, &mut straight, &sample);
-        let two = step(&setting.params, &mut restored, &sample);
+        let one = step(&settings.params, &mut straight, &sample);
+        let two = step(&settings.params, &mut restored, &sample);
         assert_eq!(one, two);
     }
     println!("state {} bytes, saved {largest}", size_of::<State>());
@@ -183,15 +210,16 @@ fn saving_and_restoring_at_any_sample_changes_no_bit_of_what_follows() {
     assert!(size_of::<State>() <= 1024);
 }
 
-/// Drives with hostile samples mixed in, and looks at what is told after every one and at the state now and then.
+/// Drives with hostile samples mixed in, and checks the output after every one and the state after every thousand.
 fn soak(samples: u32) {
-    let setting = setting();
-    let mut world = World::new(&setting.params, setting.limits, setting.class, setting.misfit, 9);
+    let settings = settings();
+    let mut drive =
+        SimulatedDrive::new(&settings.params, settings.limits, settings.class, settings.misfit, 9);
     let mut state = State::new();
     let (mut used, mut changes) = (0_u32, 0);
     for i in 0..samples {
-        let (mut sample, _) = world.advance();
-        // Stretches of good driving, so that there is something to spoil.
+        let (mut sample, _) = drive.advance();
+        // Segments of good driving, so that there is something to spoil.
         match if i % 5000 < 1000 { i % 50 } else { 50 } {
             0 => sample.high_pressure.value = Ok(Megapascal(f32::NAN)),
             1 => sample.pump_speed.value = Ok(RevPerMin(f32::INFINITY)),
@@ -210,7 +238,7 @@ fn soak(samples: u32) {
         {
             n_m.0 *= 0.97;
         }
-        let health = step(&setting.params, &mut state, &sample).health;
+        let health = step(&settings.params, &mut state, &sample).health;
         used += u32::from(health.gate.is_ok());
         changes = health.changes;
         let numbers = [health.level.get(), health.level_se.get(), health.ratio_offset.get()];
@@ -239,7 +267,7 @@ fn prop_a_hundred_million_hostile_samples_leave_the_state_sound() {
 }
 
 #[test]
-fn a_damaged_or_foreign_saved_state_is_refused() {
+fn a_damaged_or_foreign_saved_state_is_rejected() {
     let mut bytes = [0_u8; state_record::MAX_LEN];
     let length = state_record::encode(&State::new(), CALIBRATION, &mut bytes).unwrap();
     let good = &bytes[..length];

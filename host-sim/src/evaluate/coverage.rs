@@ -1,7 +1,7 @@
 //! How often intervals hold the truth: by time since the start, and by region of the envelope.
 //!
 //! A world is one draw of the systematic errors, which dominate, so looks within a world are not independent. CoverageShares are
-//! means over worlds, and their standard error is that of the worlds' scatter.
+//! means over drives, and their standard error is that of the drives' scatter.
 
 use serde::Serialize;
 
@@ -75,21 +75,21 @@ impl CoverageCounts {
     }
 }
 
-/// A share of worlds with its standard error.
+/// A share of drives with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CoverageShare {
     /// How often the interval held the truth.
     pub share: f64,
-    /// Standard error of that, by the scatter of the worlds.
+    /// Standard error of that, by the scatter of the drives.
     pub share_se: f64,
 }
 
 impl CoverageShare {
-    /// The share over worlds, of those that were looked at.
+    /// The share over drives, of those that were looked at.
     #[must_use]
-    pub fn over(worlds: impl Iterator<Item = HitCount>) -> Self {
+    pub fn over(drives: impl Iterator<Item = HitCount>) -> Self {
         let shares: Vec<f64> =
-            worlds.filter(|t| t.looks > 0).map(|t| f64::from(t.hits) / f64::from(t.looks)).collect();
+            drives.filter(|t| t.looks > 0).map(|t| f64::from(t.hits) / f64::from(t.looks)).collect();
         let count = shares.len() as f64;
         let share = shares.iter().sum::<f64>() / count;
         let scatter2 = shares.iter().map(|s| (s - share).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);

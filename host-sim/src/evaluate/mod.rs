@@ -2,7 +2,7 @@
 //!
 //! A [`SimulatedDrive`] is one machine with one set of sensors: its leakage misses the law by a smooth function of the operating
 //! point, its sensors have systematic errors drawn once, and random errors with every sample. [`DutyCycle`] turns it over
-//! operating points as a vehicle does. The estimator that judges it is the firmware's. [`TrialSettings`] runs many worlds, with
+//! operating points as a vehicle does. The estimator that judges it is the firmware's. [`TrialSettings`] runs many drives, with
 //! or without something that happens to them ([`fault_cases()`]), and [`TrialResult`] is what came of one.
 
 mod coverage;

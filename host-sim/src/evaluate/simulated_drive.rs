@@ -103,7 +103,7 @@ impl SimulatedDrive {
     }
 
     /// Makes it a machine that has worn since it was calibrated: true leakage over the law's at the start.
-    pub fn begin_at(&mut self, level: f64) {
+    pub fn start_at_level(&mut self, level: f64) {
         self.level_at_start = level;
     }
 

@@ -1,4 +1,4 @@
-//! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
+//! Monte Carlo: many drives, each driven for some hours, and what the estimator made of them.
 
 use kou_estimator::health::{Cause, Causes, Health, Stage};
 use kou_estimator::{Estimate, Params, State, step};
@@ -33,7 +33,7 @@ pub struct TrialSettings {
 /// Hours driven before an event.
 pub const COMMISSIONING_H: f64 = 3.0;
 
-/// What is to happen to worlds that have been driven for [`COMMISSIONING_H`].
+/// What is to happen to drives that have been driven for [`COMMISSIONING_H`].
 #[derive(Debug, Clone)]
 pub struct TrialCase {
     /// What happens.
@@ -82,7 +82,7 @@ pub struct TrialResult {
 /// A world on its way.
 #[derive(Debug, Clone)]
 struct Trial {
-    world: SimulatedDrive,
+    drive: SimulatedDrive,
     state: State,
     run: TrialResult,
     samples: u64,
@@ -95,52 +95,50 @@ struct Trial {
 impl TrialSettings {
     /// Drives one world for `hours` in which nothing happens.
     #[must_use]
-    pub fn run(&self, number: u64, hours: f64) -> TrialResult {
-        let mut journey = self.start(number);
-        journey.drive(self, hours, None);
-        journey.end()
+    pub fn run_healthy(&self, number: u64, hours: f64) -> TrialResult {
+        let mut trial = self.start(number);
+        trial.drive(self, hours, None);
+        trial.end()
     }
 
-    /// Drives `runs` worlds on all cores.
+    /// Drives `runs` drives on all cores.
     #[must_use]
-    pub fn runs(&self, runs: u64, hours: f64) -> Vec<TrialResult> {
-        (0..runs).into_par_iter().map(|number| self.run(number, hours)).collect()
+    pub fn run_healthy_many(&self, runs: u64, hours: f64) -> Vec<TrialResult> {
+        (0..runs).into_par_iter().map(|number| self.run_healthy(number, hours)).collect()
     }
 
-    /// Drives `runs` worlds for [`COMMISSIONING_H`], then each on every course, as if it alone had happened. The runs of
-    /// each course.
+    /// Drives `runs` drives for [`COMMISSIONING_H`], then each on every case, as if it alone had happened. The runs of
+    /// each case.
     #[must_use]
-    pub fn courses(&self, runs: u64, courses: &[TrialCase]) -> Vec<Vec<TrialResult>> {
+    pub fn run_cases(&self, runs: u64, cases: &[TrialCase]) -> Vec<Vec<TrialResult>> {
         let by_world: Vec<Vec<TrialResult>> = (0..runs)
             .into_par_iter()
             .map(|number| {
                 let mut begun = self.start(number);
                 begun.drive(self, COMMISSIONING_H, None);
-                courses
+                cases
                     .par_iter()
-                    .map(|course| {
-                        let mut journey = begun.clone();
-                        journey.world.schedule(COMMISSIONING_H * 3600.0, course.event.clone());
-                        journey.drive(self, course.hours, Some(course));
-                        journey.end()
+                    .map(|case| {
+                        let mut trial = begun.clone();
+                        trial.drive.schedule(COMMISSIONING_H * 3600.0, case.event.clone());
+                        trial.drive(self, case.hours, Some(case));
+                        trial.end()
                     })
                     .collect()
             })
             .collect();
-        (0..courses.len())
-            .map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect())
-            .collect()
+        (0..cases.len()).map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect()).collect()
     }
 
     fn start(&self, number: u64) -> Trial {
         let seed = self.seed + number;
-        let mut world = SimulatedDrive::new(&self.params, self.limits, self.class, self.misfit, seed);
-        world.age_oil(self.oil_ageing_per_h);
+        let mut drive = SimulatedDrive::new(&self.params, self.limits, self.class, self.misfit, seed);
+        drive.age_oil(self.oil_ageing_per_h);
         if self.worn_sd > 0.0 {
-            world.begin_at(1.0 + Noise::new(!seed).within(3.0_f64.sqrt() * self.worn_sd));
+            drive.start_at_level(1.0 + Noise::new(!seed).within(3.0_f64.sqrt() * self.worn_sd));
         }
         Trial {
-            world,
+            drive,
             state: State::new(),
             run: TrialResult::default(),
             samples: 0,
@@ -152,7 +150,7 @@ impl TrialSettings {
 }
 
 impl Trial {
-    fn drive(&mut self, setting: &TrialSettings, hours: f64, course: Option<&TrialCase>) {
+    fn drive(&mut self, settings: &TrialSettings, hours: f64, case: Option<&TrialCase>) {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -160,44 +158,44 @@ impl Trial {
         )]
         let samples = (hours * 3600.0 / PERIOD_S) as u64;
         for _ in 0..samples {
-            let (sample, kou_true) = self.world.advance();
-            let estimate = step(&setting.params, &mut self.state, &sample);
-            self.judge(&estimate, course);
+            let (sample, kou_true) = self.drive.advance();
+            let estimate = step(&settings.params, &mut self.state, &sample);
+            self.judge(&estimate, case);
             self.samples += 1;
             // Once a minute.
-            if course.is_none() && self.samples.is_multiple_of(1200) {
-                let point = self.world.normalised(&sample);
-                self.run.look(self.world.time_s(), point, &estimate, self.world.level(), kou_true);
+            if case.is_none() && self.samples.is_multiple_of(1200) {
+                let point = self.drive.normalised(&sample);
+                self.run.look(self.drive.time_s(), point, &estimate, self.drive.level(), kou_true);
             }
-            if course.is_some_and(|c| c.until_report) && self.run.delay_s.is_some() {
+            if case.is_some_and(|c| c.until_report) && self.run.delay_s.is_some() {
                 break;
             }
         }
     }
 
-    fn judge(&mut self, estimate: &Estimate, course: Option<&TrialCase>) {
+    fn judge(&mut self, estimate: &Estimate, case: Option<&TrialCase>) {
         let (health, run) = (&estimate.health, &mut self.run);
         if estimate.seen.is_ok() {
             run.judged_s += PERIOD_S;
             run.gate_open_s += if health.gate.is_ok() { PERIOD_S } else { 0.0 };
-            self.since_event_s += if course.is_some() { PERIOD_S } else { 0.0 };
+            self.since_event_s += if case.is_some() { PERIOD_S } else { 0.0 };
         }
         let wear = health.wear == Stage::Confirmed;
         self.causes = health.causes;
-        if let Some(course) = course {
+        if let Some(case) = case {
             run.wear |= wear;
             run.sensor |= health.sensor == Stage::Confirmed;
-            run.misled |= health.causes != Causes::none() && !health.causes.iter().any(|c| c == course.cause);
+            run.misled |= health.causes != Causes::none() && !health.causes.iter().any(|c| c == case.cause);
         } else {
             run.false_wear |= wear;
         }
         if health.changes > self.changes {
             self.changes = health.changes;
-            if course.is_none() {
+            if case.is_none() {
                 run.false_changes += 1;
             } else if run.delay_s.is_none() {
                 run.delay_s = Some(self.since_event_s);
-                run.level_at_report = Some(self.world.level());
+                run.level_at_report = Some(self.drive.level());
             }
         }
     }

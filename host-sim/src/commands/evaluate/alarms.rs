@@ -17,7 +17,7 @@ pub(super) const MISFITS: [f64; 3] = [1.0, 2.0, 3.0];
 /// CoverageShare of the hours of healthy driving for each point.
 const HOURS_SHARE: f64 = 0.2;
 /// Worlds for each point.
-const WORLDS: u64 = 20;
+const DRIVES: u64 = 20;
 
 /// False reports at one threshold.
 pub(super) struct Alarms {
@@ -42,11 +42,11 @@ pub(super) fn threshold(health: &HealthConfig) -> f64 {
 
 /// Drives healthy machines at each threshold.
 pub(super) fn measure(
-    setting: &TrialSettings,
+    settings: &TrialSettings,
     calibration: &Calibration,
     hours: f64,
 ) -> Result<Vec<Alarms>, Failure> {
-    let hours_each = (HOURS_SHARE * hours / WORLDS as f64).max(0.5);
+    let hours_each = (HOURS_SHARE * hours / DRIVES as f64).max(0.5);
     let mut alarms = Vec::new();
     for misfits in MISFITS {
         for run_length_h in RUN_LENGTHS_H {
@@ -54,13 +54,14 @@ pub(super) fn measure(
             tried.health.run_length_h = run_length_h;
             let params = Params::new(&tried).map_err(|e| InputError::new(e.to_string()))?;
             let misfit = misfits * f64::from(calibration.health.law_misfit);
-            let runs = TrialSettings { params, misfit, ..setting.clone() }.runs(WORLDS, hours_each);
+            let runs =
+                TrialSettings { params, misfit, ..settings.clone() }.run_healthy_many(DRIVES, hours_each);
             alarms.push(Alarms {
                 misfits,
                 threshold: threshold(&tried.health),
                 derived_per_1000_h: 1000.0 / f64::from(run_length_h),
                 reports: runs.iter().map(|r| r.false_changes).sum(),
-                hours: WORLDS as f64 * hours_each,
+                hours: DRIVES as f64 * hours_each,
             });
         }
     }

@@ -27,7 +27,7 @@ pub struct Args {
     /// Machine and calibration.
     #[command(flatten)]
     pub given: CalibratedArgs,
-    /// Hours of healthy driving, over all worlds together.
+    /// Hours of healthy driving, over all drives together.
     #[arg(long, default_value_t = 200.0)]
     pub hours: f64,
     /// Worlds for each size of change and each fault.
@@ -55,11 +55,11 @@ pub struct Args {
 }
 
 /// Hours of each world of healthy driving.
-const WORLD_H: f64 = 50.0;
+const DRIVE_H: f64 = 50.0;
 /// Hours after an event.
 const AFTER_H: f64 = 1.0;
 /// Worlds over which coverage is counted, for each run asked for: one world is one draw of the systematic errors.
-const COVERAGE_WORLDS: u64 = 10;
+const COVERAGE_DRIVES: u64 = 10;
 /// Hours of each.
 const COVERAGE_H: f64 = 2.0;
 /// Hours in which a drift is looked for.
@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
     }
     let law = &calibration.law;
-    let setting = TrialSettings {
+    let settings = TrialSettings {
         params,
         limits: [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()],
         class: args.class,
@@ -134,7 +134,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         worn_sd: 0.0,
         seed: args.seed,
     };
-    let report = study(args, &setting, &calibration)?;
+    let report = study(args, &settings, &calibration)?;
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
 }
 
@@ -147,25 +147,25 @@ fn remaining(runs: &[TrialResult]) -> BTreeMap<String, usize> {
     counts
 }
 
-fn study(args: &Args, setting: &TrialSettings, calibration: &Calibration) -> Result<Value, Failure> {
+fn study(args: &Args, settings: &TrialSettings, calibration: &Calibration) -> Result<Value, Failure> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "checked to be positive and at most 1e5"
     )]
-    let worlds = (args.hours / WORLD_H).ceil() as u64;
-    let hours_each = args.hours / worlds as f64;
-    let healthy = setting.runs(worlds, hours_each);
+    let drives = (args.hours / DRIVE_H).ceil() as u64;
+    let hours_each = args.hours / drives as f64;
+    let healthy = settings.run_healthy_many(drives, hours_each);
     let sum = |of: fn(&TrialResult) -> f64| healthy.iter().map(of).sum::<f64>();
-    let worn = TrialSettings { worn_sd: WORN_SD, ..setting.clone() };
-    let coverage = IntervalCoverage::of(&worn.runs(COVERAGE_WORLDS * args.runs, COVERAGE_H));
+    let worn = TrialSettings { worn_sd: WORN_SD, ..settings.clone() };
+    let coverage = IntervalCoverage::of(&worn.run_healthy_many(COVERAGE_DRIVES * args.runs, COVERAGE_H));
     let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
 
-    let named = fault_cases(&setting.params, &calibration.oil).map_err(|e| {
+    let named = fault_cases(&settings.params, &calibration.oil).map_err(|e| {
         InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.given.calibration)
     })?;
-    let courses = courses(&named);
-    let mut results = setting.courses(args.runs, &courses).into_iter();
+    let cases = cases(&named);
+    let mut results = settings.run_cases(args.runs, &cases).into_iter();
     let detections: Vec<LeakDetection> =
         LEAKS.iter().zip(results.by_ref()).map(|(share, runs)| LeakDetection::of(*share, &runs)).collect();
     let confusion: Map<String, Value> = named
@@ -176,7 +176,7 @@ fn study(args: &Args, setting: &TrialSettings, calibration: &Calibration) -> Res
     let drift = results.next().unwrap_or_default();
     let levels: Vec<f64> = drift.iter().filter_map(|r| r.level_at_report).collect();
     if let Some(folder) = &args.plots {
-        let alarms = alarms::measure(setting, calibration, args.hours)?;
+        let alarms = alarms::measure(settings, calibration, args.hours)?;
         plots::draw(folder, &detections, &coverage, &alarms, &calibration.health, open)?;
     }
     Ok(json!({
@@ -184,7 +184,7 @@ fn study(args: &Args, setting: &TrialSettings, calibration: &Calibration) -> Res
         "false_changes_per_1000_h": 1000.0 * sum(|r| f64::from(r.false_changes)) / args.hours,
         "false_wear_worlds": healthy.iter().filter(|r| r.false_wear).count(),
         "gate_open_of_judged": open,
-        "coverage_worlds": COVERAGE_WORLDS * args.runs,
+        "coverage_worlds": COVERAGE_DRIVES * args.runs,
         "coverage_95": { "level": &coverage.of_level, "kou": &coverage.of_kou },
         "level_error_rms": coverage.level_error_rms,
         "detection": detections,
@@ -200,7 +200,7 @@ fn study(args: &Args, setting: &TrialSettings, calibration: &Calibration) -> Res
 }
 
 /// Leaks, faults and the drift, in this order.
-fn courses(faults: &[FaultCase]) -> Vec<TrialCase> {
+fn cases(faults: &[FaultCase]) -> Vec<TrialCase> {
     let wear = |event, hours, until_report| TrialCase { event, hours, until_report, cause: Cause::Wear };
     let leaks =
         LEAKS.iter().map(|share| wear(DriveEvent::Leak { share: *share, within_s: 60.0 }, AFTER_H, false));
