@@ -18,6 +18,7 @@
 
 pub mod commands;
 pub mod evaluate;
+mod noise;
 pub mod output_file;
 pub mod pil;
 pub mod plots;

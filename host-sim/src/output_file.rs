@@ -26,3 +26,11 @@ pub fn create_folder(folder: &Path) -> Result<(), InputError> {
 pub fn create_folder_of(path: &Path) -> Result<(), InputError> {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).map_or(Ok(()), create_folder)
 }
+
+/// Writes a file.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), InputError> {
+    std::fs::write(path, contents).map_err(write_error(path))
+}

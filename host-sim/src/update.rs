@@ -1,7 +1,7 @@
-//! The tool's side of a calibration update over CAN: key file, frames, and a log of them that CAN tools play.
+//! Calibration update over CAN from the tool's side: key file, frames, and a log of them that CAN tools can play.
 //!
-//! The bytes of the commands and the tag are made by the firmware's own code (`kou_app::update`);
-//! `docs/calibration-update.md` describes both.
+//! Commands and authentication tag are encoded by the firmware's own code (`kou_app::update`); `docs/calibration-update.md`
+//! describes both.
 
 use std::fmt::Write;
 use std::fs::File;
@@ -17,10 +17,10 @@ use kou_estimator::calibration::record;
 
 use kou_records::InputError;
 
-/// Bytes that are read of a key file: more than digits and white space around them need, and a wrong file may be endless.
+/// Largest number of bytes read of a key file, since a wrong file may be endless.
 const LONGEST_KEY_FILE: u64 = 1024;
 
-/// Who talks to whom.
+/// Source addresses of both sides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Addresses {
     /// Source address that the controller has claimed.
@@ -32,12 +32,12 @@ pub struct Addresses {
 /// Reads a key: a file of 32 bytes, or of 64 hexadecimal digits and white space.
 ///
 /// # Errors
-/// When the file cannot be read or holds something else. The message never shows what it holds.
+/// When the file cannot be read or holds no key. The message never shows its content.
 pub fn read_key(path: &Path) -> Result<Key, InputError> {
     read_key_bytes(path).map(Key::new)
 }
 
-/// The bytes of a key file, for what is written into a controller.
+/// Reads the bytes of a key, for a provisioning page.
 ///
 /// # Errors
 /// As of [`read_key`].
@@ -66,7 +66,7 @@ pub fn read_key_bytes(path: &Path) -> Result<[u8; KEY_LEN], InputError> {
     })
 }
 
-/// The frames of one update, in order. Each is to be sent when the controller has answered the one before.
+/// The frames of one update, in order, each to be sent after the controller's answer to the one before.
 ///
 /// # Errors
 /// When the calibration fits no record.
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_key_is_read_as_bytes_and_as_digits_and_anything_else_is_refused() {
+    fn a_key_is_read_as_bytes_and_as_digits_and_anything_else_is_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str, content: &[u8]| {
             let path = folder.path().join(name);

@@ -1,7 +1,7 @@
-//! Signatures by which health tells causes apart, against differences of what the estimator itself expects at displaced readings.
+//! Fault signatures of health monitoring against finite differences of the estimator's own expectation at displaced readings.
 //!
-//! At one operating point the regression of a deficit on a signature has the same deficit for every cause, so that the quotient of
-//! two of its results is the quotient of two signatures, whatever was learned. The saved state holds both sums.
+//! At one operating point the regression of the ratio residual on a signature has the same residual for every cause, so that the
+//! quotient of two of its results is the quotient of two signatures, whatever was learned. The saved state holds both sums.
 
 mod support;
 
@@ -24,21 +24,21 @@ fn params() -> Params {
     Params::new(&calibration).unwrap()
 }
 
-/// What the sensors read: both speeds (pump first), pressure, oil temperature, displacement.
-type Read = [f32; 5];
+/// Readings of the sensors: both speeds (pump first), pressure, oil temperature, displacement.
+type Readings = [f32; 5];
 
 /// A cause that is an offset of one reading.
 struct Offset {
     cause: Cause,
-    /// Half of the difference that is taken: wide enough for f32, whose rounding is 1e-7 of a ratio, and narrow enough for a
-    /// straight line.
+    /// Half of the finite difference: wide enough for f32, whose rounding is 1e-7 of a ratio, and narrow enough for a straight
+    /// line.
     half: f32,
-    /// Relative. Signatures are of first order, good to 0.7 % here; the temperature's besides takes the relative change of the
-    /// bulk modulus for that at 60 degC, which is 15 % off at 30 degC and there 4 % of the whole.
+    /// Relative. Signatures are of first order, good to 0.7 % here; the temperature's also uses the relative change of the bulk
+    /// modulus at 60 degC, which is 15 % off at 30 degC and there contributes 4 %.
     tolerance: f64,
 }
 
-/// In the order of [`Read`].
+/// In the order of [`Readings`].
 const OFFSETS: [Offset; 5] = [
     Offset { cause: Cause::PumpSpeedOffset, half: 10.0, tolerance: 0.01 },
     Offset { cause: Cause::MotorSpeedOffset, half: 10.0, tolerance: 0.01 },
@@ -47,7 +47,7 @@ const OFFSETS: [Offset; 5] = [
     Offset { cause: Cause::Displacement, half: 0.005, tolerance: 0.01 },
 ];
 
-fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: Read) -> OperatingPoint {
+fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: Readings) -> OperatingPoint {
     OperatingPoint {
         pump_speed: RevPerMin(n_p),
         high_pressure: Megapascal(p_h),
@@ -57,29 +57,29 @@ fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: Read) -> OperatingPoint {
     }
 }
 
-fn kou(params: &Params, [n_p, _, p_h, t_b, _]: Read) -> f32 {
+fn kou(params: &Params, [n_p, _, p_h, t_b, _]: Readings) -> f32 {
     let law = params.law();
     law.evaluate(law.normalised(RevPerMin(n_p), Megapascal(p_h), Celsius(t_b))).get()
 }
 
-fn ratio(params: &Params, read: Read, kou: f32) -> f64 {
+fn ratio(params: &Params, read: Readings, kou: f32) -> f64 {
     f64::from(params.reduced().balance(&point(params, read)).ratio(LeakageCoefficient(kou)).get())
 }
 
 /// Ratio by the law less the measured one.
-fn deficit(params: &Params, read: Read) -> f64 {
+fn ratio_residual(params: &Params, read: Readings) -> f64 {
     ratio(params, read, kou(params, read)) - f64::from(read[1]) / f64::from(read[0])
 }
 
-/// Deficit per unit of wear (a level more) and of each offset, by differences.
-fn expected(params: &Params, read: Read) -> (f64, [f64; 5]) {
+/// Ratio residual per unit of wear (a level more) and of each offset, by differences.
+fn expected(params: &Params, read: Readings) -> (f64, [f64; 5]) {
     let by_law = kou(params, read);
     let wear = (ratio(params, read, 0.8 * by_law) - ratio(params, read, 1.2 * by_law)) / 0.4;
     let slopes = std::array::from_fn(|i| {
         let by = |half: f32| {
             let mut read = read;
             read[i] += half;
-            deficit(params, read)
+            ratio_residual(params, read)
         };
         let half = OFFSETS[i].half;
         (by(half) - by(-half)) / f64::from(2.0 * half)
@@ -87,9 +87,9 @@ fn expected(params: &Params, read: Read) -> (f64, [f64; 5]) {
     (wear, slopes)
 }
 
-/// Drives at one operating point until the leakage has doubled and the causes of that are looked for; the deficit over each
-/// signature, in the order of [`Cause::ALL`].
-fn regressed(params: &Params, at: Read) -> Vec<f64> {
+/// Drives at one operating point until the leakage has doubled and its causes are isolated. Returns the ratio residual over
+/// each signature, in the order of [`Cause::ALL`].
+fn regressed(params: &Params, at: Readings) -> Vec<f64> {
     let mut state = State::new();
     let by_law = kou(params, at);
     for i in 1..8000_u64 {

@@ -1,4 +1,4 @@
-//! `host-sim provision`: the page that production writes, read back as the controller reads it.
+//! `host-sim provision`: the provisioning page, read back with the controller's own reader.
 
 mod support;
 
@@ -9,7 +9,7 @@ use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
 use support::{Folder, calibrated, failure, host_sim};
 
-/// As a random number generator would give them: neither text nor one byte repeated.
+/// A key as of a random number generator: neither text nor one byte repeated.
 fn secret() -> [u8; provision::KEY_LEN] {
     std::array::from_fn(|i| 0xE0 ^ 37_u8.wrapping_mul(i as u8))
 }
@@ -69,14 +69,13 @@ fn a_page_gives_the_controller_the_very_calibration_and_key_and_nothing_that_was
 }
 
 #[test]
-fn a_calibration_that_the_controller_would_refuse_is_refused_by_the_name_of_its_field_and_no_page_is_written()
-{
+fn a_calibration_that_the_controller_would_reject_is_rejected_with_its_fields_name_and_no_page_is_written() {
     let folder = Folder::new();
     let toml = calibrated(&folder, "A");
     let out = folder.path("page.bin");
     let text = std::fs::read_to_string(&toml).unwrap();
     let line = text.lines().find(|line| line.starts_with("bulk_modulus_mpa = ")).unwrap();
-    for (name, content, told) in [
+    for (name, content, named) in [
         ("range.toml", text.replace(line, "bulk_modulus_mpa = -1.0"), "bulk_modulus_mpa"),
         ("schema.toml", text.replace("schema = 3", "schema = 2"), "schema"),
         ("unknown.toml", text.replace(line, &format!("{line}\nbulk_modulus_psi = 1.0")), "bulk_modulus_psi"),
@@ -85,7 +84,7 @@ fn a_calibration_that_the_controller_would_refuse_is_refused_by_the_name_of_its_
     ] {
         let broken = folder.write(name, content);
         let error = failure(2, command(Some(&broken), None, &out));
-        assert!(error.contains(told) && error.contains(name), "{error}");
+        assert!(error.contains(named) && error.contains(name), "{error}");
         assert!(!out.exists(), "{name}");
     }
     let binary = folder.path("cal.bin");
@@ -101,7 +100,7 @@ fn a_calibration_that_the_controller_would_refuse_is_refused_by_the_name_of_its_
 }
 
 #[test]
-fn what_is_no_key_is_refused_and_never_shown() {
+fn an_invalid_key_is_rejected_and_never_shown() {
     let folder = Folder::new();
     let out = folder.path("page.bin");
     let text = digits(&secret());
@@ -132,7 +131,7 @@ fn what_is_no_key_is_refused_and_never_shown() {
 }
 
 #[test]
-fn a_page_of_nothing_and_a_page_without_a_place_are_refused() {
+fn an_empty_page_and_a_page_without_a_path_are_rejected() {
     let folder = Folder::new();
     let key = folder.write("raw.key", secret());
     let error = failure(2, command(None, None, &folder.path("page.bin")));
@@ -148,7 +147,7 @@ fn a_page_of_nothing_and_a_page_without_a_place_are_refused() {
 }
 
 #[test]
-fn a_page_replaces_an_older_file_whole_but_never_one_of_its_inputs() {
+fn a_page_replaces_an_older_file_entirely_but_never_one_of_its_inputs() {
     let folder = Folder::new();
     let toml = calibrated(&folder, "A");
     let key = folder.write("raw.key", secret());

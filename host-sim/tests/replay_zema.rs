@@ -1,7 +1,7 @@
-//! A real rig with known pump leakage: identified on half of its healthy cycles, the rest told apart.
+//! Record of a real test rig with known pump leakage: identified on half of its healthy cycles, classified on the rest.
 //!
-//! The recorded data is not part of the project (CC BY 4.0, UCI data set 447). It is looked for in the folder that the
-//! variable `KOU_DATA` names, else in `../shared/data` beside the project.
+//! The recorded data is not part of the project (CC BY 4.0, UCI data set 447). It is read from the folder that the variable
+//! `KOU_DATA` names, else from `../shared/data` next to the project.
 
 mod support;
 

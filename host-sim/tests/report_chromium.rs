@@ -105,7 +105,7 @@ fn report_renders_in_a_browser_without_a_complaint_and_prints() {
     // The catalogue of pages counts once more.
     println!("{} bytes, {pages} page objects", bytes.len());
     assert!(bytes.starts_with(b"%PDF") && bytes.len() > 20_000 && pages >= 3);
-    // Proof that the test can fail: a page whose script throws is told from a good one.
+    // Proof that the test can fail: a page whose script throws is distinguished from a good one.
     let broken = folder.write(
         "broken.html",
         std::fs::read_to_string(&page).unwrap().replace("\"use strict\";", "\"use strict\"; missing();"),

@@ -1,4 +1,4 @@
-//! `host-sim dbc`: the DBC file of the controller's CAN messages, made from the firmware's own tables.
+//! `host-sim dbc`: the DBC file of the controller's CAN messages, generated from the firmware's own tables.
 
 use std::path::PathBuf;
 
@@ -6,12 +6,12 @@ use kou_app::j1939::dbc;
 
 use super::failure::Failure;
 use super::output::print_text;
-use kou_records::InputError;
+use crate::output_file::write_file;
 
 /// Writes the DBC file of the controller's CAN messages.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Where to write it; standard output when left out.
+    /// File to write; standard output when left out.
     #[arg(long, value_name = "FILE.dbc")]
     pub out: Option<PathBuf>,
 }
@@ -22,11 +22,9 @@ pub struct Args {
 /// When the file cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let mut text = String::new();
-    dbc::write(&mut text).map_err(|_| Failure::Check("the file cannot be put together".to_owned()))?;
+    dbc::write(&mut text).map_err(|_| Failure::Check("the file cannot be generated".to_owned()))?;
     match &args.out {
-        Some(path) => {
-            std::fs::write(path, text).map_err(|e| InputError::new(format!("{}: {e}", path.display())).into())
-        }
+        Some(path) => Ok(write_file(path, text)?),
         None => print_text(&text),
     }
 }

@@ -1,4 +1,4 @@
-//! `host-sim identify`: bench points and a machine file become a calibration.
+//! `host-sim identify`: a calibration from bench points and a machine file.
 
 use std::path::{Path, PathBuf};
 
@@ -16,16 +16,16 @@ use kou_identify::{Identification, Refusal, TERMS, advice, coefficients, joint_s
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
-/// InvertedModel that the identification inverts.
+/// Model that the identification inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum InvertedModel {
     /// The reduced model of the controller, by its closed-form inverse.
     Rom,
-    /// The full lumped model; needs a machine file with valve plates and circuit.
+    /// The lumped model; needs a machine file with valve plates and circuit.
     Full,
 }
 
-/// How the points become a law.
+/// Identification scheme: from points to a law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Scheme {
     /// Law, displacement ratio, bulk modulus and displacement settings fitted together in the ratio domain.
@@ -39,7 +39,7 @@ pub enum Scheme {
 pub struct Args {
     #[command(flatten)]
     given: BenchArgs,
-    /// InvertedModel to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
+    /// Model to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
     #[arg(long, value_enum)]
     pub model: Option<InvertedModel>,
     /// Scheme.
@@ -65,7 +65,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input; or points that no leakage explains.
+/// Bad input, or points that no leakage explains.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let BenchInputs { machine, points, repeated, settings, prior } = args.given.read()?;
     let start = match args.start.as_slice() {
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => identify(None)?,
         Some(full) => with_full_model(args, full, &settings, points.len(), identify)?,
     };
-    // The same numbers to the last digit are a row that was copied, not a measurement that was repeated.
+    // Rows equal to the last digit are a copied row, not a repeated measurement.
     result.refused.extend(repeated.into_iter().map(|(point, line)| Refusal {
         point,
         reason: format!("repeats line {line}"),
@@ -109,17 +109,22 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// The full model, where it is wanted; and what to tell about the choice.
+/// The lumped model, where it is chosen, and the announcement of the choice.
 fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>), InputError> {
     match (args.model, FullRatio::new(machine)) {
-        (Some(InvertedModel::Rom), _) => Ok(("reduced model, as asked\n".into(), None)),
-        (_, Ok(full)) => Ok(("full model\n".into(), Some(full))),
+        (Some(InvertedModel::Rom), _) => Ok(("model: reduced model, as chosen\n".into(), None)),
+        (_, Ok(full)) => {
+            let model = "model: full lumped model; the valve plates and the circuit of the machine file are taken as given\n";
+            Ok((model.into(), Some(full)))
+        }
         (Some(InvertedModel::Full), Err(e)) => Err(e.at_file(&args.given.machine)),
-        (None, Err(e)) => Ok((format!("reduced model, since the full one cannot be made: {e}\n"), None)),
+        (None, Err(e)) => {
+            Ok((format!("model: reduced model, since the machine file lacks the full one: {e}\n"), None))
+        }
     }
 }
 
-/// Identifies with the full model; answers are kept beside the calibration until it is written.
+/// Identifies with the lumped model; its solutions are cached in a file next to the calibration until that is written.
 fn with_full_model(
     args: &Args,
     full: &FullRatio,
@@ -128,7 +133,7 @@ fn with_full_model(
     identify: impl Fn(Option<&dyn RatioModel>) -> Result<Identification, InputError>,
 ) -> Result<Identification, Failure> {
     let partial = args.out.with_extension("partial");
-    // Joint: two to three rounds and the surrogate; paper: three to four calls for each point.
+    // Joint: two to three iterations and the surrogate; paper: three to four calls for each point.
     let expected = match args.scheme {
         Scheme::Joint => 3 * points + 96,
         Scheme::Paper => 4 * points,
@@ -144,7 +149,7 @@ fn with_full_model(
     let memory = Memory::new(settings.machine_crc32, Some(&partial), tick)?;
     let result = identify(Some(&memory.over(full)))?;
     bar.finish_and_clear();
-    // It has served; a file that cannot be removed does no harm.
+    // A cache that cannot be removed does no harm.
     drop(std::fs::remove_file(&partial));
     Ok(result)
 }
@@ -276,7 +281,7 @@ fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> 
             unknown.name,
             100.0 * unknown.value,
             100.0 * unknown.se,
-            if unknown.by_data() { "the points" } else { "what was known before" }
+            if unknown.by_data() { "the points" } else { "the prior" }
         );
     }
     if let Some(s) = &result.surrogate {
@@ -286,7 +291,7 @@ fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> 
         );
     }
     for point in result.points.iter().filter(|p| p.is_outlier()) {
-        text += &format!("line {} looks like an outlier: weight {:.2}\n", point.point.line, point.weight);
+        text += &format!("line {}: outlier, weight {:.2}\n", point.point.line, point.weight);
     }
     for refused in &result.refused {
         let line = refused.point.line;
@@ -300,7 +305,7 @@ fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> 
     }
     if let Some(best) = advice.first() {
         text += &format!(
-            "most worth measuring next, for a standard error of Kou of {:.1} instead of {:.1} %:\n",
+            "next points to measure, for a standard error of Kou of {:.1} instead of {:.1} %:\n",
             best.kou_se_then_pct, best.kou_se_now_pct
         );
         for [n, p, t, alpha] in &best.points {

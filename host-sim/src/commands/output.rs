@@ -8,7 +8,7 @@ use super::failure::Failure;
 /// When standard output is closed.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value)
-        .map_err(|e| Failure::Check(format!("cannot be stated as JSON: {e}")))?;
+        .map_err(|e| Failure::Check(format!("cannot be written as JSON: {e}")))?;
     print_text(&text)
 }
 
@@ -23,7 +23,7 @@ pub(super) fn print_text(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A bar on standard error that counts samples; hidden where standard error is no terminal.
+/// Progress bar on standard error that counts samples; hidden where that is no terminal.
 pub(super) fn progress(what: &'static str) -> indicatif::ProgressBar {
     let style =
         indicatif::ProgressStyle::with_template("{spinner} {msg}: {human_pos} samples, {per_sec}, {elapsed}")

@@ -1,5 +1,7 @@
-//! `host-sim pil`: the same samples through the firmware in QEMU, every field of every estimate compared with the host's,
-//! bit for bit; or, with `--plant`, the controller's firmware in a closed loop with a simulated vehicle.
+//! `host-sim pil`: processor in the loop.
+//!
+//! The samples of a log through the firmware in QEMU, every field of every estimate compared with the host's, bit for bit;
+//! or, with `--plant`, the controller's firmware in a closed loop with a simulated vehicle.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -37,13 +39,13 @@ pub struct Args {
     /// Estimates to write (CSV).
     #[arg(long, value_name = "EST.csv", requires = "log")]
     pub out: Option<PathBuf>,
-    /// Picture to draw (SVG): measured and expected ratio, Kou seen and by the law.
+    /// Plot to draw (SVG): measured and expected ratio, Kou observed and by the law.
     #[arg(long, value_name = "PICTURE.svg", requires = "log")]
     pub plot: Option<PathBuf>,
-    /// Machine file of the vehicle (TOML): closes the loop with the full model.
+    /// Machine file of the vehicle (TOML): closes the loop with a simulated vehicle.
     #[arg(long, value_name = "MACHINE.toml", requires = "scenario")]
     pub plant: Option<PathBuf>,
-    /// Scenario to drive through (TOML).
+    /// Scenario of the closed loop (TOML).
     #[arg(long, value_name = "SCENARIO.toml", requires = "plant")]
     pub scenario: Option<PathBuf>,
     /// Print one JSON object.
@@ -66,7 +68,7 @@ struct StreamReport {
     stack_high_water_bytes: u32,
 }
 
-/// The rows on their way through the firmware, and why reading them ended, if not at the end of the file.
+/// Rows in the firmware's queue, and the error that ended reading, if any.
 #[derive(Default)]
 struct RowsInFlight {
     rows: VecDeque<LogRow>,
@@ -131,7 +133,7 @@ fn stream(
     let on_estimate = |_: u64, sample: &Sample, of_firmware: &Estimate| {
         let of_host = step(params, &mut state, sample);
         mismatches += u64::from(!same_bits(&of_host, of_firmware));
-        // What is reported is the firmware's word, not the host's.
+        // The report is of the firmware's estimates, not the host's.
         summary.add(of_firmware);
         health.add(of_firmware);
         if let Some(row) = in_flight.borrow_mut().rows.pop_front() {
@@ -174,7 +176,7 @@ fn record_of(calibration: &Calibration) -> Result<Vec<u8>, InputError> {
     Ok(buffer)
 }
 
-/// The controller's firmware around a simulated vehicle.
+/// Runs the controller's firmware in a closed loop with a simulated vehicle.
 fn close_loop(
     args: &Args,
     plant_path: &Path,
@@ -187,7 +189,7 @@ fn close_loop(
     if let Some(elf) = &args.firmware {
         options.firmware_elf.clone_from(elf);
     }
-    let bar = progress("milliseconds through the controller");
+    let bar = progress("milliseconds of the closed loop");
     let record = record_of(calibration)?;
     let report = plant::run(&options, &machine, calibration, &record, &scenario, |ms| bar.inc(ms))?;
     bar.finish_and_clear();

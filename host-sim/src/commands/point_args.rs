@@ -1,4 +1,4 @@
-//! Options that the commands of the full model share: machine, operating point, step.
+//! Arguments of `simulate` and `step`: machine, operating point, step of the solver.
 
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ impl PointArgs {
         Ok(Model::new(&Machine::load(&self.machine)?)?)
     }
 
-    /// The operating point with what is held at the motor.
+    /// The case with its condition at the motor.
     pub(super) fn operating(&self, condition: LoadCondition) -> SteadyCase {
         SteadyCase {
             n_p_rpm: self.n_p_rpm,
@@ -47,7 +47,7 @@ impl PointArgs {
         }
     }
 
-    /// Settings with the wanted step.
+    /// Solver settings.
     pub(super) fn settings(&self) -> Settings {
         Settings { step_deg: self.step_deg, ..Settings::default() }
     }

@@ -1,4 +1,4 @@
-//! `host-sim provision`: the page that production writes into a controller with the probe.
+//! `host-sim provision`: the provisioning page that production writes into a controller with a debug probe.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -12,19 +12,19 @@ use crate::update::read_key_bytes;
 use kou_identify::calibration;
 use kou_records::InputError;
 
-/// Writes the image of the provisioning page: the controller's key, and a calibration to begin with.
+/// Writes the image of the provisioning page: the controller's key and an initial calibration, at least one of the two.
 ///
-/// At least one of the two. The image holds the key: on Unix only its owner can read it.
+/// The image holds the key: on Unix only its owner can read it.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("content").required(true).multiple(true))]
 pub struct Args {
-    /// Calibration to begin with (TOML or binary record): the type's, with an empty serial number, or the machine's own.
+    /// Initial calibration (TOML or binary record): of the type, with an empty serial number, or of the very machine.
     #[arg(long, value_name = "CAL.toml", group = "content")]
     pub calibration: Option<PathBuf>,
-    /// The controller's key: 32 bytes, or 64 hexadecimal digits. Without it the controller takes no update.
+    /// The controller's key: 32 bytes, or 64 hexadecimal digits. Without it the controller rejects every update.
     #[arg(long, value_name = "KEY", group = "content")]
     pub key_file: Option<PathBuf>,
-    /// Image to write; a file of that name is written over.
+    /// Image to write; an existing file is overwritten.
     #[arg(long, value_name = "PAGE.bin")]
     pub out: PathBuf,
 }
@@ -32,7 +32,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// A calibration that the controller would refuse, a key that is none, a file that cannot be written.
+/// A calibration that the controller would reject, an invalid key, a file that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let inputs = [&args.calibration, &args.key_file];
     if inputs.into_iter().flatten().any(|input| is_same_file(input, &args.out)) {
@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let page = provision::page(key.as_ref(), record)
         .ok_or_else(|| InputError::new("the calibration does not fit the page"))?;
-    // By the controller's own reader: what it would take for an erased place must not leave production as a key.
+    // Checked with the controller's own reader: a key that reads as an erased place must not leave production.
     if let (Some(path), None) = (&args.key_file, provision::key(&page)) {
         return Err(InputError::new("all ones or all zeros: the controller reads that as no key")
             .at_file(path)
@@ -61,18 +61,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&args.out).into())
 }
 
-/// Whether two names, the first of a file that should be there, lead to one file.
+/// Whether two paths, the first of an existing file, denote one file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Writes a file that others must not read: its permissions are narrowed before it holds anything.
+/// Writes a file that others must not read: its permissions are restricted before it holds anything.
 fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = created(path)?;
     #[cfg(unix)]
     if file.metadata()?.is_file() {
         use std::os::unix::fs::PermissionsExt;
-        // An older file of that name keeps its own otherwise.
+        // An existing file would retain its own permissions otherwise.
         file.set_permissions(std::fs::Permissions::from_mode(PRIVATE))?;
     }
     file.write_all(bytes)

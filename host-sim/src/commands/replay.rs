@@ -29,7 +29,7 @@ pub struct Args {
     /// Estimates to write (CSV).
     #[arg(long, value_name = "EST.csv")]
     pub out: Option<PathBuf>,
-    /// Picture to draw (SVG): measured and expected ratio, Kou seen and by the law.
+    /// Plot to draw (SVG): measured and expected ratio, Kou observed and by the law.
     #[arg(long, value_name = "PICTURE.svg")]
     pub plot: Option<PathBuf>,
     /// Print one JSON object.
@@ -91,17 +91,17 @@ fn replay(args: &Args, params: &Params) -> Result<ReplayReport, Failure> {
     Ok(ReplayReport { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
 }
 
-/// Figures for people.
+/// Summary as text.
 pub(super) fn figures_text(figures: &Figures) -> String {
     let mut text = format!("{} samples, {} accepted", figures.samples, figures.accepted);
     for (reason, count) in &figures.rejected {
-        text += &format!("\n  {count:>8} not judged: {reason}");
+        text += &format!("\n  {count:>8} rejected: {reason}");
     }
     if let (Some(mean), Some(max), Some(kou), Some(wear)) =
         (figures.ratio_error_mean, figures.ratio_error_max, figures.kou_mean, figures.wear_ratio_mean)
     {
         text += &format!("\nratio expected - measured: mean {mean:.5}, largest {max:.5}");
-        text += &format!("\nKou seen: mean {kou:.4} (L/min)/MPa per chamber; {wear:.3} times the law");
+        text += &format!("\nobserved Kou: mean {kou:.4} (L/min)/MPa per chamber; {wear:.3} times the law");
     }
     text
 }

@@ -1,20 +1,20 @@
-//! `host-sim report`: the page that a calibration engineer signs.
+//! `host-sim report`: the HTML report of a calibration, for the calibration engineer to sign.
 
 use std::path::PathBuf;
 
 use super::bench_args::{BenchArgs, BenchInputs};
 use super::failure::Failure;
 use super::output::print_text;
+use crate::output_file::write_file;
 use crate::report::{self, ReportStudy};
 use kou_identify::ratio_model::FullRatio;
-use kou_records::InputError;
 
-/// Writes a report on bench points: one HTML file with plots, for mail and paper.
+/// Writes a report on a calibration: one HTML file with plots, for mail and paper.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
     given: BenchArgs,
-    /// Page to write.
+    /// Report to write.
     #[arg(long, value_name = "REPORT.html")]
     pub out: PathBuf,
 }
@@ -22,13 +22,12 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, or a page that cannot be written.
+/// Bad input, or a report that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let BenchInputs { machine, points, settings, prior, .. } = args.given.read()?;
     let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let study = ReportStudy::new(&machine, &points, &settings, &full, &prior)
         .map_err(|e| e.at_file(&args.given.bench))?;
-    std::fs::write(&args.out, report::html(&machine, &study)?)
-        .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&args.out))?;
+    write_file(&args.out, report::html(&machine, &study)?)?;
     print_text(&format!("report written to {}", args.out.display()))
 }

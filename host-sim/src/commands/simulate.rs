@@ -1,4 +1,4 @@
-//! `host-sim simulate`: one steady operating point of the full model.
+//! `host-sim simulate`: one steady operating point of the lumped model.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,13 +17,13 @@ use kou_lumped::{LoadCondition, Settings, SteadyPoint};
 /// docs/full-model/integration.md).
 const WAVEFORM_STEP_DEG: f64 = 0.1;
 
-/// Finds one steady operating point of the full model, the high pressure or the load held.
+/// Solves one steady operating point of the lumped model at a given high pressure or load.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Operating point.
     #[command(flatten)]
     pub point: PointArgs,
-    /// High pressure to hold, as a bench does, MPa gauge.
+    /// High pressure, held as on a bench, MPa gauge.
     #[arg(
         long,
         required_unless_present = "load_nm",

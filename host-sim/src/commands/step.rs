@@ -12,7 +12,7 @@ use crate::plots::{Chart, Series, svg_file};
 use kou_lumped::LoadCondition;
 use kou_lumped::transient::swash_step;
 
-/// Simulates the swash plate's step to a displacement, the motor starting from rest against a resistive load.
+/// Simulates a step of the swash plate to a displacement; the motor starts from rest against a resistive load.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Operating point after the step.
@@ -27,7 +27,7 @@ pub struct Args {
     /// Response to write (CSV): time, motor speed, line pressures.
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
-    /// Picture to draw (SVG).
+    /// Plot to draw (SVG).
     #[arg(long, value_name = "PICTURE.svg")]
     pub plot: Option<PathBuf>,
     /// Print one JSON object.
@@ -49,7 +49,7 @@ struct StepReport {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, a load that cannot be turned, or a response that does not settle in time.
+/// Bad input, a load above what the drive can turn, or a response that does not settle in time.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let model = args.point.model()?;
     let operating = args.point.operating(LoadCondition::LoadNm(args.load_nm));

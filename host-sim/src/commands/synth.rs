@@ -1,17 +1,17 @@
-//! `host-sim synth`: synthetic bench tables and drive logs, which say that they are synthetic.
+//! `host-sim synth`: synthetic bench tables and drive logs, marked as such in their heading.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::failure::Failure;
 use super::identify::InvertedModel;
+use crate::output_file::write_file;
 use crate::synth::{BENCH, DRIVE, Instruments, write_bench, write_drive};
 use kou_identify::calibration::SensorClass;
 use kou_identify::ratio_model::{FullRatio, RatioModel, ReducedRatio};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
-/// Makes synthetic records from the full model and a leakage truth that is not quadratic.
+/// Generates synthetic records from the lumped model and a true leakage that is not quadratic.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("what").required(true).multiple(true).args(["out", "drive"]))]
 pub struct Args {
@@ -21,13 +21,13 @@ pub struct Args {
     /// ISO 4409 class within which every instrument has a systematic error; without it there are random errors only.
     #[arg(long, value_enum)]
     pub class: Option<SensorClass>,
-    /// No errors at all, and every set point met.
+    /// No errors, and set points met exactly.
     #[arg(long, conflicts_with = "class")]
     pub exact: bool,
     /// Twelve more bench points at partial displacement.
     #[arg(long)]
     pub partial: bool,
-    /// InvertedModel that gives the true speed ratio.
+    /// Model that gives the true speed ratio.
     #[arg(long, value_enum, default_value = "full")]
     pub model: InvertedModel,
     /// Seed of the errors.
@@ -78,7 +78,5 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn write(path: &Path, make: impl FnOnce(&mut Vec<u8>) -> Result<(), InputError>) -> Result<(), InputError> {
     let mut bytes = Vec::new();
     make(&mut bytes)?;
-    std::fs::File::create(path)
-        .and_then(|mut file| file.write_all(&bytes))
-        .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(path))
+    write_file(path, bytes)
 }

@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use super::failure::Failure;
 use super::output::print_text;
+use crate::output_file::write_file;
 use crate::update::{Addresses, candump, frames, read_key};
 use kou_identify::calibration;
 use kou_records::InputError;
 
-/// Writes the CAN frames that bring a calibration into a controller, as a log in candump's format.
+/// Writes the CAN frames of a calibration update, as a log in candump's format.
 ///
-/// The controller answers every frame; a player that does not wait needs a spacing that leaves it time for that.
+/// The controller answers every frame; for a player that does not wait, the spacing must leave time for that.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Calibration: TOML or binary record.
@@ -39,7 +40,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// A calibration that the controller would refuse, a key that is none, a file that cannot be written.
+/// A calibration that the controller would reject, an invalid key, a file that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let (calibration, _) = calibration::read_checked(&args.calibration)?;
     let key = read_key(&args.key_file)?;
@@ -49,9 +50,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let addresses = Addresses { controller: args.controller, tool: args.tool };
     let log = candump(&frames(&calibration, args.counter, &key, addresses)?, args.spacing_ms);
     match &args.out {
-        Some(path) => {
-            std::fs::write(path, log).map_err(|e| InputError::new(format!("{}: {e}", path.display())).into())
-        }
+        Some(path) => Ok(write_file(path, log)?),
         None => print_text(log.trim_end()),
     }
 }

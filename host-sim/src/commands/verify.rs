@@ -1,7 +1,7 @@
-//! `host-sim verify`: the estimator with a calibration against the full model of the machine, forward and inverse.
+//! `host-sim verify`: the calibrated estimator against the lumped model of the machine, forward and inverse.
 //!
-//! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
-//! Points fill the envelope and are none of those to which the surrogate was fitted.
+//! The lumped model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
+//! The points fill the envelope, and the surrogate was fitted to none of them.
 
 use kou_estimator::reduced::OperatingPoint as EstimatorPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
@@ -22,7 +22,7 @@ use kou_records::InputError;
 /// Allowed mean and largest error of the ratio, and mean error of Kou by the inverse in per cent.
 const LIMITS: [f64; 3] = [1e-4, 5e-4, 0.5];
 
-/// Compares the estimator with the full model over the envelope.
+/// Compares the calibrated estimator with the lumped model over the envelope.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine and calibration.
@@ -36,7 +36,7 @@ pub struct Args {
     pub json: bool,
 }
 
-/// One comparison.
+/// Estimator and lumped model at one point.
 #[derive(Debug, Clone, Serialize)]
 struct PointComparison {
     n_p_rpm: f64,
@@ -65,7 +65,7 @@ struct VerifyReport {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input; or errors above the limits.
+/// Bad input, or errors above the limits.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let (machine, calibration, params) = args.given.read()?;
     let change = change_of(&calibration, &machine);
@@ -119,7 +119,7 @@ fn compare(
         displacement: Ratio(at.alpha as f32),
     };
     let forward = params.reduced().balance(&point).ratio(LeakageCoefficient(kou as f32));
-    // The inverse through everything that a sample goes through.
+    // The inverse, through all stages of the estimator.
     let now = Micros(1_000_000);
     let mut sample = Sample::empty(now);
     sample.pump_speed = Reading::new(now, point.pump_speed);
@@ -129,7 +129,7 @@ fn compare(
     sample.displacement = Reading::new(now, point.displacement);
     let seen = step(params, &mut State::new(), &sample).seen.map_err(|reason| {
         InputError::new(format!(
-            "the estimator refuses a point of the envelope ({}): {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}",
+            "the estimator rejects a point of the envelope ({}): {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}",
             reason_label(reason),
             at.n_p_rpm,
             at.p_h_mpa,
@@ -169,7 +169,7 @@ fn judge(compared: Vec<PointComparison>, not_steady: usize) -> VerifyReport {
         kou_error_max_pct: by_kou.as_ref().map_or(0.0, |c| c.kou_error_pct.abs()),
         worst: by_ratio,
         worst_kou: by_kou,
-        // A comparison that hardly took place proves nothing.
+        // A comparison at few points proves nothing.
         passed: compared.len() > 9 * not_steady && within.into_iter().all(|(error, limit)| error <= limit),
     }
 }

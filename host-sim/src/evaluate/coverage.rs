@@ -1,23 +1,23 @@
-//! How often intervals hold the truth: by time since the start, and by region of the envelope.
+//! Coverage of confidence intervals: by time since the start, and by region of the envelope.
 //!
-//! A world is one draw of the systematic errors, which dominate, so looks within a world are not independent. CoverageShares are
-//! means over drives, and their standard error is that of the drives' scatter.
+//! A drive is one draw of the systematic errors, which dominate, so samples of one drive are not independent. Coverage is the
+//! mean over drives, and its standard error that of their scatter.
 
 use serde::Serialize;
 
-/// Ends of the windows of time, in hours; the first begins at the start.
+/// Ends of the time windows, in hours; the first begins at the start.
 pub const WINDOW_ENDS_H: [f64; 3] = [0.25, 1.5, f64::INFINITY];
-/// Bounds between the thirds of what the drive visits, in shares of the law's largest speed, pressure and temperature.
+/// Bounds between the thirds of the visited range, as fractions of the law's largest speed, pressure and temperature.
 const THIRDS: [[f64; 2]; 3] = [[0.59, 0.78], [0.447, 0.673], [0.62, 0.8]];
 /// Names of the dimensions of [`CoverageCounts::by_region`].
 pub const DIMENSIONS: [&str; 3] = ["speed", "pressure", "temperature"];
 
-/// CoverageCounts at an interval of one world, and how often it held the truth.
+/// Samples of an interval in one drive, and those in which it held the true value.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct HitCount {
-    /// Times at which it was looked at.
+    /// Samples of the interval.
     pub looks: u32,
-    /// Those at which it held the truth.
+    /// Samples that held the true value.
     pub hits: u32,
 }
 
@@ -28,7 +28,7 @@ impl HitCount {
     }
 }
 
-/// CoverageCounts at one quantity's 95 % interval in one world.
+/// Counts of one quantity's 95 % interval in one drive.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct CoverageCounts {
     /// By time since the start, see [`WINDOW_ENDS_H`].
@@ -38,7 +38,7 @@ pub struct CoverageCounts {
 }
 
 impl CoverageCounts {
-    /// Takes a look at `time_h` and a normalised operating point.
+    /// Counts one sample at `time_h` and a normalised operating point.
     pub fn push(&mut self, time_h: f64, point: [f64; 3], hit: bool) {
         for (tally, end_h) in self.by_time.iter_mut().zip(WINDOW_ENDS_H) {
             if time_h <= end_h {
@@ -54,20 +54,20 @@ impl CoverageCounts {
         }
     }
 
-    /// Everything in the first hour and a half, the first two windows.
+    /// Counts of the first hour and a half, the first two windows.
     #[must_use]
     pub fn early(&self) -> HitCount {
         let [first, second, _] = self.by_time;
         HitCount { looks: first.looks + second.looks, hits: first.hits + second.hits }
     }
 
-    /// Everything after that.
+    /// Counts of the last window.
     #[must_use]
     pub fn late(&self) -> HitCount {
         self.by_time[2]
     }
 
-    /// All looks.
+    /// Counts of all windows.
     #[must_use]
     pub fn all(&self) -> HitCount {
         let (early, late) = (self.early(), self.late());
@@ -75,17 +75,17 @@ impl CoverageCounts {
     }
 }
 
-/// A share of drives with its standard error.
+/// Coverage over drives, with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CoverageShare {
-    /// How often the interval held the truth.
+    /// Fraction of samples whose interval held the true value.
     pub share: f64,
-    /// Standard error of that, by the scatter of the drives.
+    /// Standard error of the fraction, from the scatter of the drives.
     pub share_se: f64,
 }
 
 impl CoverageShare {
-    /// The share over drives, of those that were looked at.
+    /// Coverage over the drives that have samples.
     #[must_use]
     pub fn over(drives: impl Iterator<Item = HitCount>) -> Self {
         let shares: Vec<f64> =

@@ -1,12 +1,12 @@
-//! A vehicle's operating points: plateaus of some seconds with ramps between them, idling, warming up and cooling down.
+//! Duty cycle of a vehicle: plateaus of some seconds with ramps between them, idling, warming up and cooling down.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Sample period of the simulated drive: a block then holds the ten samples that its stages take.
+/// Sample period of a simulated drive, s: a block of health monitoring then holds ten samples, one for each of its stages.
 pub const PERIOD_S: f64 = 0.05;
 
-/// One operating point.
+/// Operating point of a duty cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DutyPoint {
     /// Pump speed.
@@ -38,7 +38,7 @@ fn uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
 }
 
 impl DutyCycle {
-    /// A drive within `n_max_rpm`, `p_max_mpa` and `t_max_c`, from a seed.
+    /// A duty cycle within `limits`: largest speed, pressure and temperature.
     #[must_use]
     pub fn new(seed: u64, limits: [f64; 3]) -> Self {
         let [n_max, ..] = limits;

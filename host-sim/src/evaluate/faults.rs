@@ -1,4 +1,4 @@
-//! What goes wrong beside wear, and the cause that a diagnosis must not rule out for it.
+//! Fault cases other than wear, each with the cause that a diagnosis must not rule out.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use super::simulated_drive::{DriveEvent, SensorOffset};
 /// Volume fractions of free air to which that of the oil rises: entrained air, and foam drawn in from a low tank.
 const AIR: [(&str, f32); 2] = [("air_2_pct", 0.02), ("air_5_pct", 0.05)];
 
-/// One of them.
+/// A fault and its true cause.
 #[derive(Debug, Clone)]
 pub struct FaultCase {
     /// Name in reports.
     pub name: &'static str,
-    /// What happens.
+    /// Event that sets the fault.
     pub event: DriveEvent,
-    /// What a diagnosis would call it.
+    /// True cause.
     pub cause: Cause,
 }
 
-/// Offsets of 2 % of each sensor's span, both ways, and air in the oil.
+/// Fault cases: offsets of 2 % of each sensor's span, both ways, and air in the oil.
 ///
 /// # Errors
-/// When the machine's oil already carries so much air that more of it is no oil.
+/// When the machine's oil already carries so much air that more is out of range.
 pub fn fault_cases(params: &Params, oil: &OilConfig) -> Result<Vec<FaultCase>, CalibrationError> {
     let ranges = params.sensor_ranges();
     let speed = 0.02 * f64::from(ranges.speed_max.get());

@@ -1,14 +1,13 @@
-//! Evaluation: how well health is judged, by Monte Carlo on simulated driving.
+//! Evaluation of health monitoring by Monte Carlo simulation.
 //!
-//! A [`SimulatedDrive`] is one machine with one set of sensors: its leakage misses the law by a smooth function of the operating
-//! point, its sensors have systematic errors drawn once, and random errors with every sample. [`DutyCycle`] turns it over
-//! operating points as a vehicle does. The estimator that judges it is the firmware's. [`TrialSettings`] runs many drives, with
-//! or without something that happens to them ([`fault_cases()`]), and [`TrialResult`] is what came of one.
+//! A [`SimulatedDrive`] is one machine with one set of sensors: its leakage deviates from the law by a smooth function of the
+//! operating point, its sensors have systematic errors drawn once, and random errors with every sample. A [`DutyCycle`] moves
+//! it over operating points as a vehicle does. The estimator under test is the firmware's. [`TrialSettings`] runs many drives,
+//! healthy or with a scheduled event ([`TrialCase`], [`fault_cases()`]); each gives a [`TrialResult`].
 
 mod coverage;
 mod duty_cycle;
 mod faults;
-mod noise;
 mod simulated_drive;
 mod trial;
 

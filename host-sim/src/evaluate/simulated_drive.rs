@@ -1,4 +1,4 @@
-//! One machine with one set of sensors, and what happens to them.
+//! Simulated drive: one machine with one set of sensors, and an event that changes either.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Rati
 use kou_estimator::{Params, Reading, Sample};
 
 use super::duty_cycle::{DutyCycle, DutyPoint, PERIOD_S};
-use super::noise::Noise;
+use crate::noise::Noise;
 use kou_identify::calibration::SensorClass;
 
 /// Constant error of one sensor.
@@ -25,28 +25,28 @@ pub enum SensorOffset {
     Displacement(f64),
 }
 
-/// Something that begins at a time.
+/// Event that begins at a scheduled time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DriveEvent {
-    /// Leakage grows by this share of the law within a time, then stays.
+    /// Leakage grows by a fraction of the law's within a time, then stays.
     Leak {
-        /// CoverageShare of the law.
+        /// Fraction of the law's leakage.
         share: f64,
         /// Time in which it grows, s.
         within_s: f64,
     },
-    /// Leakage grows by this share per hour.
+    /// Leakage grows steadily.
     Drift {
-        /// CoverageShare of the law per hour.
+        /// Fraction of the law's leakage per hour.
         per_h: f64,
     },
-    /// A sensor gets an error.
+    /// A sensor gets a constant error.
     Sensor(SensorOffset),
-    /// The oil becomes another, for one by air that it carries: the machine with that oil.
+    /// The oil changes, for instance by entrained air: the machine's model with that oil.
     Oil(Arc<ReducedModel>),
 }
 
-/// Machine, sensors and their history.
+/// Machine, sensors and duty cycle.
 #[derive(Debug, Clone)]
 pub struct SimulatedDrive {
     params: Params,
@@ -70,7 +70,7 @@ const PRESSURE_NOISE_MPA: f64 = 0.05;
 const TEMPERATURE_NOISE_K: f64 = 0.1;
 
 impl SimulatedDrive {
-    /// A machine whose leakage misses the law of `params` by `misfit` (relative, 1 sigma over operating points), with
+    /// A machine whose leakage deviates from the law of `params` by `misfit` (relative, 1 sigma over operating points), with
     /// sensors of a class: their systematic errors are drawn from the seed.
     #[must_use]
     pub fn new(params: &Params, limits: [f64; 3], class: SensorClass, misfit: f64, seed: u64) -> Self {
@@ -97,17 +97,17 @@ impl SimulatedDrive {
         }
     }
 
-    /// Lets something happen from a time on.
+    /// Schedules an event.
     pub fn schedule(&mut self, at_s: f64, event: DriveEvent) {
         self.event = Some((at_s, event));
     }
 
-    /// Makes it a machine that has worn since it was calibrated: true leakage over the law's at the start.
+    /// Sets the wear since the calibration: true leakage over the law's at the start.
     pub fn start_at_level(&mut self, level: f64) {
         self.level_at_start = level;
     }
 
-    /// Lets the oil's viscosity fall with use: leakage rises by this share per hour.
+    /// Sets the ageing of the oil: relative rise of leakage per hour as its viscosity falls.
     pub fn age_oil(&mut self, per_h: f64) {
         self.ageing_per_h = per_h;
     }
@@ -118,20 +118,20 @@ impl SimulatedDrive {
         self.time_s
     }
 
-    /// True leakage over the healthy machine's.
+    /// True leakage over that of the healthy machine.
     #[must_use]
     pub fn level(&self) -> f64 {
         self.level
     }
 
-    /// Where a sample lies in the law's normalised variables, as its sensors see it.
+    /// Measured operating point of a sample in the law's normalised variables.
     #[must_use]
     pub fn normalised(&self, sample: &Sample) -> Option<[f64; 3]> {
         let (n_p, p_h) = (sample.pump_speed.value.ok()?, sample.high_pressure.value.ok()?);
         Some(self.params.law().normalised(n_p, p_h, sample.oil_temperature.value.ok()?).map(f64::from))
     }
 
-    /// The next sample, with the true operating point's leakage coefficient.
+    /// Advances by one period. Returns the sample and the true leakage coefficient.
     pub fn advance(&mut self) -> (Sample, f64) {
         self.time_s += PERIOD_S;
         let point = self.drive.advance();

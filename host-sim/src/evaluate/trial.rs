@@ -1,4 +1,4 @@
-//! Monte Carlo: many drives, each driven for some hours, and what the estimator made of them.
+//! Monte Carlo trials: many simulated drives of some hours each, and the estimator's results on them.
 
 use kou_estimator::health::{Cause, Causes, Health, Stage};
 use kou_estimator::{Estimate, Params, State, step};
@@ -7,11 +7,11 @@ use serde::Serialize;
 
 use super::coverage::CoverageCounts;
 use super::duty_cycle::PERIOD_S;
-use super::noise::Noise;
 use super::simulated_drive::{DriveEvent, SimulatedDrive};
+use crate::noise::Noise;
 use kou_identify::calibration::SensorClass;
 
-/// What is common to the runs of a study.
+/// Settings common to the trials of a study.
 #[derive(Debug, Clone)]
 pub struct TrialSettings {
     /// Checked calibration of the machine.
@@ -24,36 +24,36 @@ pub struct TrialSettings {
     pub misfit: f64,
     /// Rise of leakage by ageing of the oil, per hour.
     pub oil_ageing_per_h: f64,
-    /// Standard deviation of the wear that machines have behind them when learning begins, rectangular; 0 for new ones.
+    /// Standard deviation of the machines' wear when learning begins, uniformly distributed; 0 for new ones.
     pub worn_sd: f64,
-    /// Seed of the first run.
+    /// Seed of the first trial.
     pub seed: u64,
 }
 
 /// Hours driven before an event.
 pub const COMMISSIONING_H: f64 = 3.0;
 
-/// What is to happen to drives that have been driven for [`COMMISSIONING_H`].
+/// Event of a trial after [`COMMISSIONING_H`], and how the trial goes on.
 #[derive(Debug, Clone)]
 pub struct TrialCase {
-    /// What happens.
+    /// Event.
     pub event: DriveEvent,
     /// Hours driven after it.
     pub hours: f64,
-    /// Whether a run ends with its first report: what follows is not of interest.
+    /// Whether the trial ends with its first report.
     pub until_report: bool,
     /// The cause that a diagnosis must not rule out.
     pub cause: Cause,
 }
 
-/// What one run came to.
+/// Result of one trial.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct TrialResult {
     /// Changes reported before the event, or at all where there was none.
     pub false_changes: u32,
     /// Wear confirmed before the event, or at all where there was none.
     pub false_wear: bool,
-    /// Seconds of driving with a valid coefficient seen, from the event to the first report.
+    /// Seconds of driving with a valid observed coefficient, from the event to the first report.
     pub delay_s: Option<f64>,
     /// True level at the first report.
     pub level_at_report: Option<f64>,
@@ -65,21 +65,21 @@ pub struct TrialResult {
     pub misled: bool,
     /// Causes that remained at the end.
     pub remaining: Vec<&'static str>,
-    /// The interval of the level.
+    /// Coverage of the level's interval.
     pub level: CoverageCounts,
-    /// The interval of the coefficient seen.
+    /// Coverage of the observed coefficient's interval.
     pub kou: CoverageCounts,
-    /// Sum of squared errors of the level, over the looks at it.
+    /// Sum of squared errors of the level, over its samples.
     pub level_error2: f64,
-    /// Error of the level over its standard error, at the last look.
+    /// Error of the level over its standard error, in the last sample.
     pub level_error_in_se: Option<f64>,
-    /// Seconds with a valid coefficient seen.
+    /// Seconds with a valid observed coefficient.
     pub judged_s: f64,
     /// Seconds of these with the gate open.
     pub gate_open_s: f64,
 }
 
-/// A world on its way.
+/// A trial in progress.
 #[derive(Debug, Clone)]
 struct Trial {
     drive: SimulatedDrive,
@@ -93,7 +93,7 @@ struct Trial {
 }
 
 impl TrialSettings {
-    /// Drives one world for `hours` in which nothing happens.
+    /// Runs one trial of `hours` without an event.
     #[must_use]
     pub fn run_healthy(&self, number: u64, hours: f64) -> TrialResult {
         let mut trial = self.start(number);
@@ -101,17 +101,16 @@ impl TrialSettings {
         trial.end()
     }
 
-    /// Drives `runs` drives on all cores.
+    /// Runs trials without an event on all cores.
     #[must_use]
     pub fn run_healthy_many(&self, runs: u64, hours: f64) -> Vec<TrialResult> {
         (0..runs).into_par_iter().map(|number| self.run_healthy(number, hours)).collect()
     }
 
-    /// Drives `runs` drives for [`COMMISSIONING_H`], then each on every case, as if it alone had happened. The runs of
-    /// each case.
+    /// Runs `runs` drives for [`COMMISSIONING_H`], then continues each with every case by itself. Returns the results by case.
     #[must_use]
     pub fn run_cases(&self, runs: u64, cases: &[TrialCase]) -> Vec<Vec<TrialResult>> {
-        let by_world: Vec<Vec<TrialResult>> = (0..runs)
+        let by_drive: Vec<Vec<TrialResult>> = (0..runs)
             .into_par_iter()
             .map(|number| {
                 let mut begun = self.start(number);
@@ -127,7 +126,7 @@ impl TrialSettings {
                     .collect()
             })
             .collect();
-        (0..cases.len()).map(|i| by_world.iter().filter_map(|runs| runs.get(i).cloned()).collect()).collect()
+        (0..cases.len()).map(|i| by_drive.iter().filter_map(|runs| runs.get(i).cloned()).collect()).collect()
     }
 
     fn start(&self, number: u64) -> Trial {
@@ -221,7 +220,7 @@ impl TrialResult {
     }
 }
 
-/// Value below which a share of the values lies; runs without a value count as infinite and give nothing.
+/// Quantile of the values of `of` trials: those without a value count as infinite, and give none.
 #[must_use]
 pub fn quantile(mut values: Vec<f64>, of: usize, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);

@@ -109,7 +109,7 @@ impl PilSession {
     /// Loads a calibration record and returns the CRC-32 under which the firmware accepted it.
     ///
     /// # Errors
-    /// When the firmware refuses it, with the reason, and as for [`Self::request`].
+    /// When the firmware rejects it, with the reason, and as for [`Self::request`].
     pub fn load_calibration(&mut self, record: &[u8]) -> Result<u32, PilError> {
         match self.request(&Request::LoadCalibration(record))? {
             Response::CalibrationAccepted { crc } => Ok(crc),

@@ -1,4 +1,4 @@
-//! What a replay says about health.
+//! Health monitoring over a whole log.
 
 use std::collections::BTreeMap;
 
@@ -7,9 +7,9 @@ use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Params, State};
 use serde::Serialize;
 
-use super::reason_label;
+use super::labels::reason_label;
 
-/// Name of a reason for a closed gate, with that of the sample where it is the sample's.
+/// Name of a reason for a closed gate, with the sample's own reason where it has one.
 #[must_use]
 pub fn gate_label(closed: Closed) -> String {
     match closed {
@@ -18,7 +18,7 @@ pub fn gate_label(closed: Closed) -> String {
     }
 }
 
-/// Name of a trouble's stage.
+/// Name of a fault's debounce status.
 #[must_use]
 pub const fn stage_name(stage: Stage) -> &'static str {
     match stage {
@@ -44,12 +44,12 @@ pub struct HealthSummary {
     changes: Vec<ChangeFigures>,
 }
 
-/// A change as it was first told.
+/// A change as first reported.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ChangeFigures {
-    /// Time of the sample whose estimate told of it.
+    /// Time of the sample whose estimate reported it, s.
     pub time_s: f64,
-    /// Level that was told with it; it follows the change within some blocks.
+    /// Level reported with it; it follows the change within some blocks.
     pub level: f64,
 }
 
@@ -66,19 +66,19 @@ pub struct HealthFigures {
     pub changes: Vec<ChangeFigures>,
     /// Causes that remain for the last change.
     pub causes: Vec<&'static str>,
-    /// Trouble: the machine leaks more than it did.
+    /// Status of the fault that the machine leaks more than before.
     pub wear: &'static str,
-    /// Trouble: a sensor, the displacement or the oil explains a change.
+    /// Status of the fault that a sensor, the displacement or the oil explains a change.
     pub sensor: &'static str,
     /// Samples for which the gate was open.
     pub gate_open: u64,
     /// Samples for which it was closed, by reason.
     pub gate_closed: BTreeMap<String, u64>,
-    /// What the level means at the rated point: flow in L/min, loss of ratio, share of new, Kou in (L/min)/MPa.
+    /// Severity at the rated point: flow in L/min, loss of ratio, ratio to new, Kou in (L/min)/MPa.
     pub at_rated_point: Severity,
     /// Change of the level per hour of judged driving, with its standard error, once known.
     pub level_per_h: Option<[f64; 2]>,
-    /// Hours until the limit, expected and at least, once a trend is known.
+    /// Remaining hours to the limit, expected and lower bound, once a trend is known.
     pub remaining_h: Option<[f64; 2]>,
 }
 
@@ -120,7 +120,7 @@ impl HealthSummary {
 }
 
 impl HealthFigures {
-    /// The figures for people.
+    /// The figures as text.
     #[must_use]
     pub fn text(&self) -> String {
         let rated = &self.at_rated_point;
@@ -135,7 +135,7 @@ impl HealthFigures {
             text += &format!("\n  changed at {:.1} s, level then {:.3}", change.time_s, change.level);
         }
         if !self.causes.is_empty() {
-            text += &format!("\n  what explains the last change: {}", self.causes.join(", "));
+            text += &format!("\n  possible causes of the last change: {}", self.causes.join(", "));
         }
         text += &format!("\nwear {}, sensor {}", self.wear, self.sensor);
         if let Some([hours, at_least]) = self.remaining_h {

@@ -1,11 +1,20 @@
-//! Replay: a recorded log through the estimator, sample by sample, exactly as the firmware would see it.
+//! Replay: a recorded log through the estimator, sample by sample, exactly as the firmware would process it.
+//!
+//! | module | duty |
+//! |---|---|
+//! | `output` | estimates as CSV |
+//! | `summary`, `health` | statistics of a whole log: ratio and leakage, health monitoring |
+//! | `labels` | names of reasons in reports |
+//! | `trace` | the plot |
 
 mod health;
+mod labels;
 mod output;
 mod summary;
 mod trace;
 
 pub use health::{HealthFigures, HealthSummary};
+pub use labels::reason_label;
 pub use output::EstimateWriter;
-pub use summary::{Figures, Summary, reason_label};
+pub use summary::{Figures, Summary};
 pub use trace::EstimateTrace;

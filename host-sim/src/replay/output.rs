@@ -1,4 +1,4 @@
-//! Estimates as a CSV file: one row per sample, empty cells where a part is not valid, its reason beside them.
+//! Estimates as a CSV file: one row per sample; cells of an invalid part are empty, and the reason is given.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use kou_estimator::{Estimate, Expected, Seen};
 
 use super::health::{cause_names, gate_label, stage_name};
-use super::reason_label;
+use super::labels::reason_label;
+use crate::output_file::{create_folder_of, write_error};
 use kou_records::InputError;
 use kou_records::LogRow;
 
@@ -35,7 +36,7 @@ const COLUMNS: [&str; 22] = [
     "sensor",
 ];
 
-/// A file of estimates being written.
+/// Writer of an estimate file.
 #[derive(Debug)]
 pub struct EstimateWriter {
     path: PathBuf,
@@ -48,12 +49,8 @@ impl EstimateWriter {
     /// # Errors
     /// When the file cannot be written.
     pub fn create(path: &Path, carried: &[String]) -> Result<Self, InputError> {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|e| InputError::new(format!("its folder cannot be made: {e}")).at_file(path))?;
-        }
-        let file = File::create(path)
-            .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(path))?;
+        create_folder_of(path)?;
+        let file = File::create(path).map_err(write_error(path))?;
         let mut this = Self { path: path.to_path_buf(), writer: csv::Writer::from_writer(file) };
         let heading: Vec<&str> = COLUMNS.into_iter().chain(carried.iter().map(String::as_str)).collect();
         this.record(&heading)?;
@@ -94,19 +91,15 @@ impl EstimateWriter {
         self.record(&all)
     }
 
-    /// Writes what is still buffered.
+    /// Flushes the file.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn finish(mut self) -> Result<(), InputError> {
-        self.writer
-            .flush()
-            .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&self.path))
+        self.writer.flush().map_err(write_error(&self.path))
     }
 
     fn record(&mut self, cells: &[&str]) -> Result<(), InputError> {
-        self.writer
-            .write_record(cells)
-            .map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(&self.path))
+        self.writer.write_record(cells).map_err(write_error(&self.path))
     }
 }

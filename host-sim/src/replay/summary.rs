@@ -1,21 +1,13 @@
-//! What a replay says about a whole log.
+//! Ratio and leakage over a whole log.
 
 use std::collections::BTreeMap;
 
-use kou_estimator::{Estimate, Reason};
+use kou_estimator::Estimate;
 use serde::Serialize;
 
-/// Name of a reason with its channel or direction, for instance `p_h:open` or `outside_region:speed`.
-#[must_use]
-pub fn reason_label(reason: Reason) -> String {
-    match reason {
-        Reason::Sensor(channel, fault) => format!("{}:{}", channel.name(), fault.name()),
-        Reason::OutsideRegion(direction) => format!("{}:{}", reason.name(), direction.name()),
-        _ => reason.name().to_string(),
-    }
-}
+use super::labels::reason_label;
 
-/// Sums over the estimates of a log. A sample counts as accepted when both what is expected and what is seen are valid.
+/// Sums over the estimates of a log. A sample counts as accepted when both its expected and its observed part are valid.
 #[derive(Debug, Clone, Default)]
 pub struct Summary {
     samples: u64,
@@ -23,7 +15,7 @@ pub struct Summary {
     accepted: u64,
     ratio_error_sum: f64,
     ratio_error_max: f64,
-    kou_seen_sum: f64,
+    kou_observed_sum: f64,
     kou_expected_sum: f64,
     wear_sum: f64,
 }
@@ -41,11 +33,11 @@ pub struct Figures {
     pub ratio_error_mean: Option<f64>,
     /// Largest magnitude of expected minus measured ratio.
     pub ratio_error_max: Option<f64>,
-    /// Mean coefficient seen, (L/min)/MPa.
+    /// Mean observed coefficient, (L/min)/MPa.
     pub kou_mean: Option<f64>,
     /// Mean coefficient expected by the law, (L/min)/MPa.
     pub kou_law_mean: Option<f64>,
-    /// Mean of coefficient seen over coefficient expected.
+    /// Mean ratio of observed to expected coefficient.
     pub wear_ratio_mean: Option<f64>,
 }
 
@@ -59,7 +51,7 @@ impl Summary {
                 let error = f64::from(expected.ratio.get()) - f64::from(seen.ratio.get());
                 self.ratio_error_sum += error.abs();
                 self.ratio_error_max = self.ratio_error_max.max(error.abs());
-                self.kou_seen_sum += f64::from(seen.kou.get());
+                self.kou_observed_sum += f64::from(seen.kou.get());
                 self.kou_expected_sum += f64::from(expected.kou.get());
                 self.wear_sum += f64::from(wear.get());
             }
@@ -79,7 +71,7 @@ impl Summary {
             rejected: self.rejected.clone(),
             ratio_error_mean: mean(self.ratio_error_sum),
             ratio_error_max: (self.accepted > 0).then_some(self.ratio_error_max),
-            kou_mean: mean(self.kou_seen_sum),
+            kou_mean: mean(self.kou_observed_sum),
             kou_law_mean: mean(self.kou_expected_sum),
             wear_ratio_mean: mean(self.wear_sum),
         }

@@ -1,5 +1,5 @@
-//! The numbers behind a report: the joint identification beside the paper's two steps and a constant, and curves of the
-//! full model.
+//! The numbers of a report: the joint identification compared with the paper's two steps and a constant, and curves of the
+//! lumped model.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -16,7 +16,7 @@ use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 use kou_records::InputError;
 
-/// One search of the secant method: where it started and what it was told.
+/// One search of the secant method: its start and its calls of the model.
 #[derive(Debug, Clone)]
 pub struct SecantSearch {
     /// Start interval.
@@ -46,7 +46,7 @@ pub struct ReportStudy {
     pub advice: Vec<Proposal>,
 }
 
-/// Writes down every call.
+/// A model that records every call.
 struct CallRecorder<'a> {
     model: &'a dyn RatioModel,
     calls: Mutex<Vec<(f64, f64)>>,
@@ -65,7 +65,7 @@ impl RatioModel for CallRecorder<'_> {
 }
 
 impl ReportStudy {
-    /// Makes the study.
+    /// Computes the study.
     ///
     /// # Errors
     /// Whatever stops an identification.

@@ -1,4 +1,4 @@
-//! The tables of a report.
+//! Tables and sentences of a report.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use crate::plots::html::escape;
 fn table(heading: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut text = String::from("<table><thead><tr>");
     for h in heading {
-        // Writing to a String cannot fail; `ok` says that this is known.
+        // Writing to a String cannot fail.
         write!(text, "<th>{}</th>", escape(h)).ok();
     }
     text += "</tr></thead><tbody>";
@@ -44,7 +44,7 @@ pub fn head(study: &ReportStudy) -> String {
     );
     let constant = study.constant_error_pct.iter().filter(|e| e.is_finite()).map(|e| e.abs());
     let constant_mean = constant.clone().sum::<f64>() / constant.count().max(1) as f64;
-    text += "<h2>How well the ratio is predicted</h2>\n";
+    text += "<h2>Prediction of the ratio</h2>\n";
     text += &table(
         &["Kou as", "mean error of the ratio, %", "the same, point left out, %"],
         [
@@ -116,7 +116,7 @@ pub fn tail(study: &ReportStudy) -> String {
             vec![term.into(), format!("{k:+.5}"), se(term), format!("{physical:+.4e}")]
         }),
     );
-    text += "<h2>Points to look at</h2>\n";
+    text += "<h2>Outliers and points not used</h2>\n";
     let mut rows: Vec<Vec<String>> = joint
         .refused
         .iter()

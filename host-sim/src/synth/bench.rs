@@ -1,4 +1,4 @@
-//! A synthetic bench table: the paper's 45 operating points, on request with twelve more at partial displacement.
+//! Synthetic bench table: the paper's 45 operating points, optionally with twelve more at partial displacement.
 
 use std::io::Write;
 
@@ -27,7 +27,7 @@ pub const PARTIAL: [[f64; 4]; 12] = {
     all
 };
 
-/// No swash angle is known to 0.1 %: the true displacement at a setting is this much larger than what the table says.
+/// Relative error of the displacement settings, since no swash angle is known to 0.1 %.
 const SETTING_ERROR: f64 = 0.004;
 
 /// Writes the table; with `exact`, readings are the truth and set points are met.
@@ -51,7 +51,7 @@ pub fn write_bench(
     if partial {
         set_points.extend(PARTIAL);
     }
-    // A bench holds its set points to some tenths of a per cent, and the table says where it stood.
+    // A bench meets its set points to some tenths of a per cent; the table holds the actual values.
     let stood: Vec<[f64; 4]> = set_points
         .into_iter()
         .map(|[n, p, t, alpha]| match &mut instruments {

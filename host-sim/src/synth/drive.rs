@@ -1,4 +1,4 @@
-//! A synthetic drive log: a tracked vehicle steering for eight minutes, with sensor faults and, near the end, a leak.
+//! Synthetic drive log: a tracked vehicle steering for eight minutes, with sensor faults and, near the end, a leak.
 
 use std::f64::consts::TAU;
 use std::io::Write;
@@ -13,9 +13,9 @@ use kou_records::InputError;
 
 const PERIOD_S: f64 = 0.1;
 const ROWS: u32 = 4800;
-/// Rows between two solutions of the full model.
+/// Rows between two solutions of the lumped model.
 const KNOT: usize = 10;
-/// From here on the machine leaks more than when it was calibrated.
+/// Time from which the machine leaks more than when it was calibrated, s.
 const LEAK_FROM_S: f64 = 340.0;
 const LEAK_FACTOR: f64 = 1.35;
 
@@ -74,7 +74,7 @@ fn true_kou(machine: &Machine, time_s: f64) -> f64 {
     worn * kou_truth(machine, n, p, t)
 }
 
-/// Ratio of every row. The full model is solved at every tenth row; in between, what it adds to the reduced model (some
+/// Ratio of every row. The lumped model is solved at every tenth row; in between, its correction to the reduced model (some
 /// 1e-3 of ratio) is interpolated, which leaves errors of some 1e-5, and where displacement or leakage jump some 1e-4 for
 /// less than a second.
 fn true_ratios(machine: &Machine, model: &dyn RatioModel) -> Result<Vec<f64>, InputError> {

@@ -1,10 +1,8 @@
-//! Instruments with errors: a systematic one each, drawn once, and random ones that repeat with their seed.
-
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal, Uniform};
+//! Simulated instruments: each with a systematic error drawn once, and random errors that repeat with their seed.
 
 use kou_identify::calibration::SensorClass;
+
+use crate::noise::Noise;
 
 /// Standard deviations of the random error of one reading.
 #[derive(Debug, Clone, Copy)]
@@ -17,15 +15,15 @@ pub struct Sigmas {
     pub temperature_k: f64,
 }
 
-/// Bench points are means over some seconds of averaging.
+/// Bench: means over some seconds.
 pub const BENCH: Sigmas = Sigmas { speed: 2e-4, pressure_mpa: 0.02, temperature_k: 0.2 };
-/// Single samples on a vehicle.
+/// Vehicle: single samples.
 pub const DRIVE: Sigmas = Sigmas { speed: 5e-4, pressure_mpa: 0.05, temperature_k: 0.2 };
 
-/// The instruments of one rig.
+/// Instruments of one test rig or vehicle.
 #[derive(Debug)]
 pub struct Instruments {
-    random: ChaCha8Rng,
+    random: Noise,
     sigmas: Sigmas,
     /// Systematic errors: pump speed, motor speed and pressure relative, temperature in K.
     systematic: [f64; 4],
@@ -36,22 +34,17 @@ impl Instruments {
     #[must_use]
     pub fn new(seed: u64, class: Option<SensorClass>, sigmas: Sigmas) -> Self {
         // A generator of their own, so that bench and drive of one seed have the same instruments.
-        let mut draw = ChaCha8Rng::seed_from_u64(seed ^ 0x5eed);
-        let mut within = |permissible: f64| match Uniform::new_inclusive(-permissible, permissible) {
-            Ok(uniform) => uniform.sample(&mut draw),
-            Err(_) => 0.0,
-        };
+        let mut draw = Noise::new(seed ^ 0x5eed);
         let systematic = class.map_or([0.0; 4], |class| {
             let [speed, _, pressure, temperature_k] = class.permissible();
-            [within(speed), within(speed), within(pressure), within(temperature_k)]
+            [speed, speed, pressure, temperature_k].map(|permissible| draw.within(permissible))
         });
-        Self { random: ChaCha8Rng::seed_from_u64(seed), sigmas, systematic }
+        Self { random: Noise::new(seed), sigmas, systematic }
     }
 
     /// A value of mean 0 and the given standard deviation.
     pub fn normal(&mut self, sigma: f64) -> f64 {
-        let unit: f64 = StandardNormal.sample(&mut self.random);
-        sigma * unit
+        self.random.normal(sigma)
     }
 
     /// Reading of the pump's speed.
@@ -74,7 +67,7 @@ impl Instruments {
         c + self.systematic[3] + self.normal(self.sigmas.temperature_k)
     }
 
-    /// What a heading says about the errors.
+    /// Description of the errors for the heading of a file.
     #[must_use]
     pub fn describe(&self) -> String {
         let [pump, motor, pressure, temperature_k] = self.systematic;

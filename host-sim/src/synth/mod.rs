@@ -1,6 +1,6 @@
-//! Synthetic records: bench tables and drive logs with a leakage truth that is physical and not quadratic.
+//! Synthetic records: bench tables and drive logs with a true leakage that is physical and not quadratic.
 //!
-//! What is made here says so in its heading. The speed ratio comes from the full model, the leakage from laminar gaps
+//! Every file is marked as synthetic in its heading. The speed ratio comes from the lumped model, the leakage from laminar gaps
 //! ([`kou_truth`]), and the readings from instruments with a systematic error each, within an ISO 4409 class, and random
 //! errors. The same seed gives bench and drive the same instruments. Columns `kou_true` hold the truth and are ignored by
 //! every reader.

@@ -1,4 +1,4 @@
-//! Leakage truth of the synthetic records: laminar flow through three gaps of a chamber.
+//! True leakage of the synthetic records: laminar flow through three gaps of a chamber.
 //!
 //! Each gap passes `h^3/(12 mu l) * width` per unit of pressure, so in proportion to `h^3/nu`:
 //!
@@ -25,7 +25,7 @@ pub fn viscosity_mm2_s(machine: &Machine, t_c: f64) -> f64 {
 /// Stroke volume of a chamber for which the gaps are sized: a ninth of 301 cm3.
 const STROKE_CM3: f64 = 33.4;
 
-/// Sizes of the gaps: a chamber's leakage coefficients at 2000 r/min, 30 MPa and 60 degC, and what changes them.
+/// Sizes of the gaps: a chamber's leakage coefficients at 2000 r/min, 30 MPa and 60 degC, and their dependence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaps {
     /// Piston and bore, (L/min)/MPa.
@@ -36,7 +36,7 @@ pub struct Gaps {
     pub slipper: f64,
     /// Power of pressure, in units of 30 MPa and above [`Gaps::preload`], with which the slipper's flow falls.
     pub press: f64,
-    /// What presses the slipper down at no pressure, in units of 30 MPa.
+    /// Preload of the slipper, as pressure in units of 30 MPa.
     pub preload: f64,
     /// Valve plate and block, (L/min)/MPa.
     pub valve_plate: f64,

@@ -1,4 +1,4 @@
-//! Runs the built command line in a folder of its own.
+//! Test helpers: the built command line, run in a temporary folder.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub fn host_sim<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S
     Command::new(env!("CARGO_BIN_EXE_host-sim")).args(arguments).current_dir(root()).output().unwrap()
 }
 
-/// Runs it, demands exit code 0 and exactly one JSON object on standard output.
+/// Runs `host-sim`, and asserts exit code 0 and exactly one JSON object on standard output.
 pub fn json<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> serde_json::Value {
     let output = host_sim(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -51,7 +51,7 @@ pub fn calibrated(folder: &Folder, class: &str) -> PathBuf {
     out
 }
 
-/// Runs it, demands the exit code and nothing on standard output, and returns what standard error says.
+/// Runs `host-sim`, asserts the exit code and an empty standard output, and returns the text of standard error.
 pub fn failure<S: AsRef<std::ffi::OsStr>>(code: i32, arguments: impl IntoIterator<Item = S>) -> String {
     let output = host_sim(arguments);
     let error = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -1,7 +1,8 @@
 //! False reports of healthy machines against the threshold from which a step is reported.
 //!
-//! At the stated run length none can be seen in any time that can be simulated. So thresholds of shorter run lengths are
-//! tried, and machines that miss the law by more than is declared, which is what the derivation does not cover.
+//! At the stated average run length between false alarms (ARL0) none occurs in any time that can be simulated. So thresholds
+//! of shorter run lengths are tried, and machines that deviate from the law by more than is declared, which the derivation
+//! does not cover.
 
 use kou_estimator::health::HealthConfig;
 use kou_estimator::{Calibration, Params};
@@ -10,13 +11,13 @@ use crate::commands::failure::Failure;
 use crate::evaluate::TrialSettings;
 use kou_records::InputError;
 
-/// TrialResult lengths tried, in hours.
+/// Run lengths tried, in hours.
 const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
 /// Misfits of the simulated machines over the declared one.
 pub(super) const MISFITS: [f64; 3] = [1.0, 2.0, 3.0];
-/// CoverageShare of the hours of healthy driving for each point.
+/// Fraction of the hours of healthy driving for each point.
 const HOURS_SHARE: f64 = 0.2;
-/// Worlds for each point.
+/// Drives for each point.
 const DRIVES: u64 = 20;
 
 /// False reports at one threshold.
@@ -25,7 +26,7 @@ pub(super) struct Alarms {
     pub(super) misfits: f64,
     /// Threshold, a log-likelihood ratio.
     pub(super) threshold: f64,
-    /// At most so many false reports per 1000 h by the derivation.
+    /// Upper bound of false reports per 1000 h by the derivation.
     pub(super) derived_per_1000_h: f64,
     /// False reports.
     pub(super) reports: u32,

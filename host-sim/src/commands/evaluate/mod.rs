@@ -1,4 +1,4 @@
-//! `host-sim evaluate`: how well health is judged, by Monte Carlo.
+//! `host-sim evaluate`: health monitoring by Monte Carlo.
 
 mod alarms;
 mod plots;
@@ -21,19 +21,19 @@ use crate::evaluate::{
 use kou_identify::calibration::SensorClass;
 use kou_records::InputError;
 
-/// Judges the judging of health: false alarms, delays, confusion of causes, coverage of standard errors.
+/// Evaluates health monitoring on simulated drives: false alarms, delays, confusion of causes, coverage of intervals.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine and calibration.
     #[command(flatten)]
     pub given: CalibratedArgs,
-    /// Hours of healthy driving, over all drives together.
+    /// Hours of healthy driving, over all drives.
     #[arg(long, default_value_t = 200.0)]
     pub hours: f64,
-    /// Worlds for each size of change and each fault.
+    /// Drives for each size of leak and each fault.
     #[arg(long, default_value_t = 20)]
     pub runs: u64,
-    /// Seed of the first world.
+    /// Seed of the first drive.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Class of the simulated sensors.
@@ -45,8 +45,8 @@ pub struct Args {
     /// Rise of leakage by ageing of the oil, per hour.
     #[arg(long, default_value_t = 0.0)]
     pub oil_ageing_per_h: f64,
-    /// Folder for plots (SVG) and their data (CSV): delay against size, coverage against what is stated, false reports
-    /// against the threshold.
+    /// Folder for plots (SVG) and their data (CSV): delay over size, measured over nominal coverage, false reports over the
+    /// threshold.
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
     /// Print one JSON object.
@@ -54,24 +54,23 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Hours of each world of healthy driving.
+/// Hours of each healthy drive.
 const DRIVE_H: f64 = 50.0;
 /// Hours after an event.
 const AFTER_H: f64 = 1.0;
-/// Worlds over which coverage is counted, for each run asked for: one world is one draw of the systematic errors.
+/// Drives over which coverage is counted, for each of `--runs`: one drive is one draw of the systematic errors.
 const COVERAGE_DRIVES: u64 = 10;
 /// Hours of each.
 const COVERAGE_H: f64 = 2.0;
-/// Hours in which a drift is looked for.
+/// Hours of a drive with a drift.
 const DRIFT_H: f64 = 15.0;
-/// Wear that machines have behind them when learning begins, 1 sigma, where coverage is counted: what the prior of the
-/// level says, of which new machines would have nothing.
+/// Wear of the machines when learning begins, 1 sigma, where coverage is counted: that of the level's prior.
 const WORN_SD: f64 = 0.3;
-/// Sizes of leaks, shares of the law.
+/// Sizes of leaks, as fractions of the law's leakage.
 const LEAKS: [f64; 8] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0];
 /// Drift per hour.
 const DRIFT_PER_H: f64 = 0.01;
-/// Nominal probabilities of the intervals that are looked at, with the standard errors on either side.
+/// Nominal probabilities of intervals, with their half widths in standard errors.
 const NOMINAL: [(f64, f64); 5] = [(0.5, 0.674), (0.683, 1.0), (0.8, 1.282), (0.95, 1.96), (0.99, 2.576)];
 
 #[derive(Debug, Serialize)]
@@ -138,7 +137,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
 }
 
-/// In how many runs each cause remained at the end.
+/// Number of trials in which each cause remained at the end.
 fn remaining(runs: &[TrialResult]) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for cause in runs.iter().flat_map(|r| &r.remaining) {
@@ -214,7 +213,7 @@ fn cases(faults: &[FaultCase]) -> Vec<TrialCase> {
     leaks.chain(faults).chain([drift]).collect()
 }
 
-/// What was made of a fault.
+/// Diagnosis of a fault.
 fn confusion(fault: &FaultCase, runs: &[TrialResult]) -> Value {
     json!({
         "cause": fault.cause.name(),
@@ -227,7 +226,7 @@ fn confusion(fault: &FaultCase, runs: &[TrialResult]) -> Value {
     })
 }
 
-/// How often the 95 % intervals of one quantity held the truth.
+/// Coverage of one quantity's 95 % interval.
 #[derive(Debug, Serialize)]
 struct CoverageShares {
     all: CoverageShare,
@@ -256,7 +255,7 @@ impl CoverageShares {
     }
 }
 
-/// How often intervals held the truth.
+/// Coverage of all intervals.
 struct IntervalCoverage {
     of_level: CoverageShares,
     of_kou: CoverageShares,

@@ -38,7 +38,7 @@ pub(super) fn draw(
     let intervals = Chart::new(
         "Intervals of the level: how often they hold the truth",
         "nominal probability",
-        "share of worlds",
+        "share of drives",
         vec![
             Series::line("measured", coverage.level.iter().copied()),
             Series::line("as stated", coverage.level.iter().map(|(nominal, _)| (*nominal, *nominal))),

@@ -113,7 +113,8 @@ fn prediction_text(free: &StepResponse, leaking: &StepResponse, rows: &[RatioRow
          of fig. 7. No single Kou meets both figures: fig. 8 wants 0.100 to 0.102, fig. 7 wants 0.113.\n\
          Predicted: growth of the loss by leakage from 25 to 45 MPa (published {:.2} %, computed {:.2} %); lower overshoot and\n\
          faster settling with leakage (published without numbers; computed {:.2} -> {:.2} % and {:.3} -> {:.3} s);\n\
-         ripple, port areas, and the curves between and beyond the published values.",
+         the curves of fig. 8 between and beyond the published values. Figures 3 to 5 have no published numbers; they rest on\n\
+         assumed valve plates, volumes and air content.",
         6.39 - 3.67,
         leakage_45 - leakage_25,
         free.overshoot_pct,

@@ -1,5 +1,7 @@
-//! Which calibration the controller works with, seen from outside: the expected part of an output follows from sample and
-//! calibration alone, so the host computes it with every calibration that may be in use and compares bits.
+//! Calibration that the controller uses, inferred from its outputs.
+//!
+//! The expected part of an output follows from sample and calibration alone, so the host computes it with every calibration
+//! that may be in use and compares bits.
 
 use kou_app::controller::NoEstimate;
 use kou_estimator::{Calibration, Estimate, Expected, Params, Sample, State, step};
@@ -7,7 +9,7 @@ use serde::Serialize;
 
 use super::service_tool::ServiceTool;
 
-/// What was seen.
+/// Counts of outputs by their calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct LawFinding {
     /// Outputs compared.
@@ -16,33 +18,34 @@ pub struct LawFinding {
     pub foreign: u64,
     /// Changes from one calibration to another.
     pub swaps: u64,
-    /// Which was in use last: 0 the default, else the number of the update.
+    /// Calibration in use last: 0 for the default, else the number of the update.
     pub last: u64,
 }
 
-/// Watches outputs.
+/// Tracker of the calibration in use.
 #[derive(Debug)]
 pub struct CalibrationTracker {
     default: Option<Params>,
     finding: LawFinding,
 }
 
-/// Whether the law of these parameters gives this output; its standard error may be wider, by what is open about a sensor.
+/// Whether the law of these parameters gives this output; its standard error may be wider while wear and a sensor fault cannot
+/// be distinguished.
 fn expects(params: &Params, sample: &Sample, output: &Estimate) -> bool {
     match (step(params, &mut State::new(), sample).expected, output.expected) {
-        (Ok(own), Ok(told)) => own == Expected { kou_se: own.kou_se, ..told },
-        (own, told) => own == told,
+        (Ok(own), Ok(reported)) => own == Expected { kou_se: own.kou_se, ..reported },
+        (own, reported) => own == reported,
     }
 }
 
 impl CalibrationTracker {
-    /// Of a drive that begins with this calibration.
+    /// A tracker that begins with the default calibration.
     #[must_use]
     pub fn new(calibration: &Calibration) -> Self {
         Self { default: Params::new(calibration).ok(), finding: LawFinding::default() }
     }
 
-    /// Takes an output.
+    /// Adds an output.
     pub fn push(
         &mut self,
         output: &Result<Estimate, NoEstimate>,
@@ -66,7 +69,7 @@ impl CalibrationTracker {
         }
     }
 
-    /// What was seen.
+    /// The counts.
     #[must_use]
     pub fn finding(&self) -> LawFinding {
         self.finding

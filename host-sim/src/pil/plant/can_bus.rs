@@ -1,4 +1,4 @@
-//! The CAN bus around the controller: what others say on it, and what the controller says.
+//! CAN bus around the controller: random traffic of other nodes, and counts of all frames.
 
 use kou_app::rig::{CanFrame, MAX_CAN};
 use rand_chacha::ChaCha8Rng;
@@ -7,12 +7,12 @@ use serde::Serialize;
 
 use super::scenario::{BusFlood, Scenario};
 
-/// What was on the bus.
+/// Traffic on the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct BusTraffic {
     /// Frames that the controller sent.
     pub sent: u64,
-    /// Frames that others sent.
+    /// Frames of other nodes.
     pub others: u64,
     /// Time of the controller's first frame, ms.
     pub first_ms: Option<u64>,
@@ -20,7 +20,7 @@ pub struct BusTraffic {
     pub longest_silence_ms: u64,
 }
 
-/// The bus.
+/// A bus with other nodes.
 #[derive(Debug)]
 pub struct SimulatedCanBus {
     rng: ChaCha8Rng,
@@ -44,7 +44,7 @@ impl SimulatedCanBus {
         }
     }
 
-    /// One millisecond: takes what the controller has sent, and gives what others send.
+    /// One millisecond: counts the controller's frames, and returns those of other nodes.
     pub fn millisecond(&mut self, time_s: f64, sent: &[CanFrame]) -> heapless::Vec<CanFrame, MAX_CAN> {
         self.ms += 1;
         if !sent.is_empty() {
@@ -73,13 +73,13 @@ impl SimulatedCanBus {
             let length = (self.rng.next_u32() % 9) as usize;
             data.extend(bytes.into_iter().take(length));
             self.traffic.others += 1;
-            // Counted to fit above.
+            // The count is limited above.
             frames.push((id, data)).ok();
         }
         frames
     }
 
-    /// What was on the bus so far.
+    /// Traffic so far.
     #[must_use]
     pub const fn traffic(&self) -> BusTraffic {
         self.traffic

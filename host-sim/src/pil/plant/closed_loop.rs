@@ -122,10 +122,10 @@ impl ClosedLoop {
             ControllerEvent::NoPower => {
                 self.missed_before = self.missed_deadlines();
                 self.last = Default::default();
-                return Ok(Some(self.outages.fails(time_s, &mut self.flash)));
+                return Ok(Some(self.outages.power_lost(time_s, &mut self.flash)));
             }
         };
-        self.flash.writes(request.writing);
+        self.flash.observe_write(request.writing);
         if let Some(output) = &request.output {
             self.check.push(time_s, &truth, output, request.sample.as_ref());
             self.outages.push(time_s, output);

@@ -45,7 +45,7 @@ impl EmulatedController {
         loop {
             match self.next_message()? {
                 Said::Tick(message) => return Ok(ControllerEvent::Tick(message)),
-                Said::Flash { of, work } => match flash.work(of, &work) {
+                Said::Flash { of, work } => match flash.execute(of, &work) {
                     FlashOutcome::Answer(answer) => self.send_packed::<FlashDone>(&answer)?,
                     FlashOutcome::NoPower => {
                         self.link.kill();

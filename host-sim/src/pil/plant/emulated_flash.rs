@@ -1,6 +1,6 @@
-//! The controller's flash, and the supply that fails in the middle of a write to it.
+//! Emulated flash of the controller, whose supply can fail in the middle of a write.
 //!
-//! The cells outlast the firmware: a restart finds what the run before has written. Operations come at the level of
+//! The cells outlast the firmware: after a restart they hold what the run before has written. Operations are those of
 //! `embedded-storage`: words of 8 bytes, programmed once, and pages of 2 KiB, as on an STM32G474.
 
 use std::future::Future;
@@ -15,44 +15,44 @@ use kou_app::storage::{
     HealthRecord, Kind, Life, RamFlash, StopNote, Store, StoredCalibration, UpdateCounter,
 };
 
-/// Its cells.
+/// Flash cells.
 pub type FlashCells = RamFlash<FLASH_LEN, FLASH_PAGE>;
 
-/// Where the supply is to fail.
+/// Point in a write at which the supply fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CutPoint {
-    /// In the next write of this record.
+    /// Record whose next write is cut.
     pub kind: Kind,
-    /// After this many bytes of it, both copies and what moves for them counted; stretches of 64 erased bytes count one.
+    /// Bytes written before the cut, both copies and moved records counted; runs of 64 erased bytes count one.
     pub byte: usize,
-    /// Of what the word under way is left with.
+    /// Seed of the torn word's content.
     pub seed: u32,
 }
 
-/// What came of an operation.
+/// Result of a flash operation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[allow(clippy::large_enum_variant, reason = "made once in an exchange and passed on at once")]
 pub enum FlashOutcome {
     /// An answer for the firmware.
     Answer(FlashDone),
-    /// The supply has failed: there is no firmware any more.
+    /// The supply has failed: the firmware is dead.
     NoPower,
 }
 
-/// The flash.
+/// Flash cells and the scheduled power cut.
 #[derive(Debug, Clone, Default)]
 pub struct EmulatedFlash {
     cells: FlashCells,
-    aim: Option<CutPoint>,
-    /// The aim of the write under way.
+    scheduled: Option<CutPoint>,
+    /// Cut within the current write.
     armed: Option<CutPoint>,
-    /// The record that was being written by the last operation.
-    of: Option<Kind>,
-    /// FlashCells as they were before the write that was cut.
+    /// Record that the last operation was part of.
+    record: Option<Kind>,
+    /// Cells as they were before the write that was cut.
     before: Option<Box<FlashCells>>,
 }
 
-/// What the records say; each is nothing where it was never written.
+/// Stored records; none where never written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredRecords {
     /// Counter and record of the calibration.
@@ -69,7 +69,7 @@ pub struct StoredRecords {
     pub stop: Option<StopNote>,
 }
 
-/// The value of a future that never waits: cells in memory are always ready.
+/// Value of a future that never waits, since cells in memory are always ready.
 fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),
@@ -78,10 +78,10 @@ fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
 }
 
 impl StoredRecords {
-    /// Reads what the cells hold, without changing them.
+    /// Reads all records, without changing the cells.
     ///
     /// # Errors
-    /// The record that is there and cannot be read.
+    /// A record that exists and cannot be read.
     pub fn read(cells: &FlashCells) -> Result<Self, String> {
         let mut store = Store::new(cells.clone(), 0..FLASH_LEN as u32).map_err(|e| format!("{e:?}"))?;
         let read = async {
@@ -101,61 +101,61 @@ impl StoredRecords {
 }
 
 impl EmulatedFlash {
-    /// Cuts the supply in the next write of a record.
-    pub fn aim(&mut self, aim: CutPoint) {
-        self.aim = Some(aim);
+    /// Schedules a cut of the supply in the next write of a record.
+    pub fn schedule_cut(&mut self, cut: CutPoint) {
+        self.scheduled = Some(cut);
     }
 
-    /// Whether a cut is still to come.
+    /// Whether a cut is pending.
     #[must_use]
-    pub fn is_aimed(&self) -> bool {
-        self.aim.is_some() || self.armed.is_some()
+    pub fn is_cut_pending(&self) -> bool {
+        self.scheduled.is_some() || self.armed.is_some()
     }
 
-    /// The supply is back.
+    /// Restores the supply.
     pub fn power_on(&mut self) {
         self.cells.power_on();
         self.armed = None;
-        self.of = None;
+        self.record = None;
     }
 
-    /// What the cells hold now.
+    /// Present content.
     #[must_use]
     pub fn cells(&self) -> &FlashCells {
         &self.cells
     }
 
-    /// What the cells held before the write that was cut last.
+    /// Content before the write that was cut last.
     #[must_use]
     pub fn before_cut(&self) -> Option<&FlashCells> {
         self.before.as_deref()
     }
 
-    /// Told of every write and in every millisecond which record is being written, so that where a write begins and ends is
-    /// known.
-    pub fn writes(&mut self, of: Option<u8>) {
-        let of = of.and_then(Kind::from_number);
-        let begins = of != self.of;
+    /// Notes which record is being written, so that begin and end of a write are known. To be called with every operation and
+    /// every millisecond.
+    pub fn observe_write(&mut self, record: Option<u8>) {
+        let record = record.and_then(Kind::from_number);
+        let begins = record != self.record;
         if begins && let Some(armed) = self.armed.take() {
-            // That write was shorter than the place aimed at: the next one of its record, then.
+            // That write was shorter than the cut point: the next one of its record, then.
             self.cells.power_on();
-            self.aim = Some(armed);
+            self.scheduled = Some(armed);
         }
-        self.of = of;
-        if let Some(aim) = self.aim
-            && of == Some(aim.kind)
+        self.record = record;
+        if let Some(cut) = self.scheduled
+            && record == Some(cut.kind)
             && begins
         {
             self.before = Some(Box::new(self.cells.clone()));
-            self.cells.cut_after(aim.byte, Torn::Random(aim.seed));
-            self.armed = self.aim.take();
+            self.cells.cut_after(cut.byte, Torn::Random(cut.seed));
+            self.armed = self.scheduled.take();
         }
     }
 
-    /// Does what the firmware asks, `of` a record that it is writing.
-    pub fn work(&mut self, of: Option<u8>, work: &FlashWork) -> FlashOutcome {
+    /// Executes an operation of the firmware, part of writing `record` if any.
+    pub fn execute(&mut self, record: Option<u8>, work: &FlashWork) -> FlashOutcome {
         if !matches!(work, FlashWork::Read { .. }) {
-            self.writes(of);
+            self.observe_write(record);
         }
         let done = match work {
             FlashWork::Read { offset, length } => {

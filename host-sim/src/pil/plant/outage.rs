@@ -1,4 +1,4 @@
-//! Outages of the supply: when they come, and whether what was kept is all there afterwards.
+//! Outages of the supply: their schedule, and the audit of the stored records afterwards.
 
 use kou_app::controller::NoEstimate;
 use kou_app::faults::{Code, FaultMemory};
@@ -11,46 +11,45 @@ use serde::Serialize;
 use super::emulated_flash::{CutPoint, EmulatedFlash, StoredRecords};
 use super::scenario::{PowerCut, Scenario};
 
-/// Time after a start after which the controller has read and written what it does at a start, s: faults are not written
-/// before two.
+/// Time after a start at which the controller has finished its reads and writes of a start, s; faults are written after 2 s.
 pub const SETTLED_S: f64 = 3.5;
-/// Time after a start within which learned health must be back, s.
+/// Time after a start within which learned health must be restored, s.
 const LEARNED_BACK_S: f64 = 0.5;
 
-/// An outage and what was found after it.
+/// An outage and the state found after it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OutageFinding {
-    /// When the supply failed, s.
+    /// Time of the failure, s.
     pub at_s: f64,
-    /// Which record was being written.
+    /// Record that was being written.
     pub during: String,
-    /// After how many bytes of its write.
+    /// Bytes written before the failure.
     pub byte: usize,
-    /// Whether that record was found as it was before, or new; nothing where neither can be told.
+    /// Whether the record was found `old` or `new`; none where it was unreadable.
     pub found: Option<&'static str>,
     /// Time from the supply's return to the first output, s.
     pub first_output_s: Option<f64>,
     /// Time from the supply's return to the first valid estimate, s.
     pub valid_s: Option<f64>,
-    /// Level of leakage that the controller had told last before.
+    /// Level of leakage in the last output before the failure.
     pub level_before: f64,
-    /// Level of leakage that was in flash, and the one told after the start.
+    /// Level of leakage in flash.
     pub level_kept: Option<f64>,
-    /// The level told after the start.
+    /// Level of leakage in the outputs after the restart.
     pub level_after: Option<f64>,
     /// Operating time in flash before and after, s.
     pub operating_s: [u32; 2],
     /// Starts in flash before and after.
     pub starts: [u32; 2],
-    /// Troubles in flash before and after.
+    /// Trouble codes in flash before and after.
     pub troubles: [usize; 2],
-    /// What was lost; empty when nothing was.
+    /// Lost data.
     pub lost: Vec<String>,
     /// Whether nothing was lost.
     pub met: bool,
 }
 
-/// One outage, from its aim to its audit.
+/// One outage, from its schedule to its audit.
 struct Outage {
     cut: PowerCut,
     before: Option<StoredRecords>,
@@ -66,7 +65,7 @@ pub struct Outages {
     seed: u64,
     calibration: Calibration,
     level: f64,
-    /// Time for which the supply has been there, s.
+    /// Time with supply, s.
     powered_s: f64,
 }
 
@@ -75,7 +74,7 @@ fn kind_of(name: &str) -> Option<Kind> {
 }
 
 impl Outages {
-    /// Of a scenario.
+    /// The outages of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario, calibration: &Calibration) -> Self {
         let outage = |cut: &PowerCut| Outage {
@@ -95,7 +94,7 @@ impl Outages {
         }
     }
 
-    /// A millisecond with power: aims the next outage when its time has come.
+    /// A millisecond with power: audits a past outage and schedules the next one when due.
     pub fn millisecond(&mut self, time_s: f64, flash: &mut EmulatedFlash) {
         self.powered_s += 1e-3;
         for outage in &mut self.all {
@@ -106,11 +105,11 @@ impl Outages {
         let seed = self.seed;
         let next = self.all.iter().enumerate().find(|(_, outage)| outage.finding.is_none());
         if let Some((number, outage)) = next
-            && !flash.is_aimed()
+            && !flash.is_cut_pending()
             && time_s >= outage.cut.from_s
             && let Some(kind) = kind_of(&outage.cut.during)
         {
-            flash.aim(CutPoint {
+            flash.schedule_cut(CutPoint {
                 kind,
                 byte: outage.cut.byte,
                 seed: (seed as u32).wrapping_add(number as u32),
@@ -118,8 +117,8 @@ impl Outages {
         }
     }
 
-    /// The supply has failed. Returns how long it is away, s.
-    pub fn fails(&mut self, time_s: f64, flash: &mut EmulatedFlash) -> f64 {
+    /// Records a failure of the supply. Returns the duration of the outage, s.
+    pub fn power_lost(&mut self, time_s: f64, flash: &mut EmulatedFlash) -> f64 {
         flash.power_on();
         let level = self.level;
         let Some(outage) = self.all.iter_mut().find(|outage| outage.finding.is_none()) else { return 0.3 };
@@ -144,7 +143,7 @@ impl Outages {
         match (before, now) {
             (Some(Ok(before)), Ok(now)) => {
                 finding.found = Some(if before == now { "old" } else { "new" });
-                let kept = learned(&self.calibration, &now);
+                let kept = restored_level(&self.calibration, &now);
                 finding.level_kept = kept.map(f64::from);
                 outage.expected_level = kept.map(f32::to_bits);
                 outage.before = Some(before);
@@ -158,7 +157,7 @@ impl Outages {
         outage.cut.off_s
     }
 
-    /// Takes an output of the controller.
+    /// Adds an output of the controller.
     pub fn push(&mut self, time_s: f64, output: &Result<Estimate, NoEstimate>) {
         let Ok(estimate) = output else { return };
         self.level = f64::from(estimate.health.level.get());
@@ -177,7 +176,7 @@ impl Outages {
         }
     }
 
-    /// What came of each.
+    /// Results of all outages.
     #[must_use]
     pub fn findings(&self) -> Vec<OutageFinding> {
         let of = |outage: &Outage| {
@@ -202,9 +201,9 @@ impl Outages {
     }
 }
 
-/// The level that a controller tells which restores what is kept; nothing where nothing was learned with the calibration.
-fn learned(calibration: &Calibration, kept: &StoredRecords) -> Option<f32> {
-    // Health needs parameters only to judge samples; which ones is the same for what is told of an empty one.
+/// Level that a controller reports after restoring the stored records; none where nothing was learned with the calibration.
+fn restored_level(calibration: &Calibration, kept: &StoredRecords) -> Option<f32> {
+    // The parameters do not matter for the level that an empty sample gives.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
     let mut buffer = [0; record::MAX_LEN];
@@ -257,7 +256,7 @@ impl Outage {
         lost("learned health", before.health.is_some() && after.health.is_none());
         let level = self.expected_level.map(f32::from_bits).map(f64::from);
         lost("level", level.is_some() && finding.level_after != level);
-        // Whether and when it is valid again depends on the drive too: the scenario's expectations say.
+        // Whether and when it is valid again depends on the drive too: that is the scenario's to expect.
         finding.met = finding.lost.is_empty() && finding.first_output_s.is_some();
     }
 }

@@ -47,7 +47,7 @@ pub struct LoopReport {
     pub turns: [u32; 5],
     /// Deepest stack, bytes.
     pub stack_bytes: u32,
-    /// Whether every expectation was met, nothing that was kept was lost, every update came to what was expected, no
-    /// deadline was missed, and the firmware ended because it was told to.
+    /// Whether every expectation is met, no stored record is lost, every update ends as specified, no deadline is missed, and
+    /// the firmware ended on request.
     pub passed: bool,
 }

@@ -1,4 +1,4 @@
-//! Scenario files: what the driver does, what breaks, and what is expected of the firmware.
+//! Scenario files: driver commands, failures, calibration updates, and the expected states of the firmware.
 
 use std::path::Path;
 
@@ -10,18 +10,18 @@ use kou_records::{InputError, Range, TomlFile};
 /// Version of the format.
 const SCHEMA: u32 = 1;
 
-/// What the vehicle is simulated with.
+/// Model that simulates the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VehicleModel {
-    /// The full model: every piston chamber.
+    /// The lumped model: every piston chamber.
     Full,
-    /// The calibration's own reduced model with a lagging motor: for long scenarios, where it is the firmware and not the
-    /// estimator's accuracy that is tested.
+    /// The calibration's own reduced model with a motor of first-order lag: for long scenarios, which test the firmware and
+    /// not the estimator's accuracy.
     Surrogate,
 }
 
-/// What the driver commands and what wears at one time; linear in between.
+/// Commands, load and wear at one time; linear in between.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriverCommand {
@@ -62,7 +62,7 @@ pub enum Sensor {
     Motor,
 }
 
-/// How it fails.
+/// Electrical failure of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FailureMode {
@@ -70,58 +70,58 @@ pub enum FailureMode {
     Open,
     /// Shorted wire.
     Short,
-    /// The signal stands still where it is.
+    /// The signal keeps its last value.
     Stuck,
-    /// `size` is added, in the sensor's unit; of a pickup, the share of teeth lost.
+    /// `size` is added, in the sensor's unit; of a pickup, the fraction of teeth lost.
     Offset,
-    /// `size` per second is added; of a pickup, to the share of teeth lost.
+    /// `size` per second is added; of a pickup, to the fraction of teeth lost.
     Drift,
     /// Normally distributed noise of standard deviation `size`; of a pickup, glitches per millisecond.
     Noise,
-    /// The share `size` of conversions gets no answer, or of edges gets lost.
+    /// The fraction `size` of conversions gets no answer, or of edges gets lost.
     DropOut,
 }
 
-/// A sensor's failure.
+/// Failure of one sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorFailure {
-    /// Which sensor.
+    /// Failed sensor.
     pub sensor: Sensor,
-    /// How.
+    /// Failure mode.
     pub kind: FailureMode,
-    /// From then, s.
+    /// Begin, s.
     pub from_s: f64,
-    /// Until then, s.
+    /// End, s.
     pub until_s: f64,
-    /// How much; see [`FailureMode`].
+    /// Size, see [`FailureMode`].
     #[serde(default)]
     pub size: f64,
 }
 
-/// Others that flood the CAN bus with random frames.
+/// Flood of the CAN bus with random frames of other nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BusFlood {
-    /// From then, s.
+    /// Begin, s.
     pub from_s: f64,
-    /// Until then, s.
+    /// End, s.
     pub until_s: f64,
     /// Frames per millisecond, 8 at most; 250 kbit/s carry two.
     pub frames_per_ms: u32,
 }
 
-/// The supply fails in the middle of a write to flash, and comes back.
+/// Failure of the supply in the middle of a write to flash.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PowerCut {
-    /// In the first write of the record after then, s.
+    /// Time after which the next write of the record is cut, s.
     pub from_s: f64,
-    /// Which record: `calibration`, `health`, `faults`, `life`, `update_counter`.
+    /// Record whose write is cut: `calibration`, `health`, `faults`, `life`, `update_counter`.
     pub during: String,
-    /// After how many bytes of the write, both copies and what moves for them counted.
+    /// Bytes written before the cut, both copies and moved records counted.
     pub byte: usize,
-    /// How long the supply is away, s.
+    /// Duration of the outage, s.
     #[serde(default = "third")]
     pub off_s: f64,
 }
@@ -130,13 +130,13 @@ const fn third() -> f64 {
     0.3
 }
 
-/// A calibration update over the bus.
+/// Calibration update over the bus.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScheduledUpdate {
-    /// Begun then, or when the one before has ended, s.
+    /// Begin, s, or the end of the update before, if later.
     pub from_s: f64,
-    /// Its counter.
+    /// Update counter.
     pub counter: u32,
     /// Added to the constant coefficient of the law, (L/min)/MPa.
     pub law_c: f64,
@@ -146,38 +146,39 @@ pub struct ScheduledUpdate {
     /// Whether the calibration is for another machine.
     #[serde(default)]
     pub other_machine: bool,
-    /// What must come of it: `committed`, the name of a refusal, or `silence`.
+    /// Expected result: `committed`, the name of a reject reason, or `silence`.
     pub expect: String,
-    /// Within that time, s.
+    /// Time limit of the result, s.
     pub within_s: f64,
 }
 
-/// What the estimates must be over a time.
+/// Expected state of the estimates over a time.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
-    /// From then, s.
+    /// Begin, s.
     pub from_s: f64,
-    /// Until then, s.
+    /// End, s.
     pub until_s: f64,
-    /// `valid`: every output has a valid coefficient that is within `within_se` of its stated standard errors of the truth, and
-    /// so has what the law expects there, of the truth without wear.
-    /// Else the name of the reason that every output must carry, as reports print it: `p_h open`, `n_m implausible`, or
-    /// of the operating point: `not_loaded`. Several, with `|` between them, are allowed in turn.
+    /// `valid`: every output has a valid coefficient within `within_se` of its stated standard errors of the true one, and the
+    /// law's coefficient lies as close to the true one without wear.
+    /// Otherwise the reason that every output must carry, as reports print it: `p_h open`, `n_m implausible`, or of the
+    /// operating point: `not_loaded`. Alternatives are separated by `|`.
     pub state: String,
-    /// Time that the state may take to come, s.
+    /// Time within which the state must be reached, s.
     #[serde(default)]
     pub after_s: f64,
-    /// Stated standard errors that the coefficient may be off.
+    /// Largest error of the coefficient, in stated standard errors.
     #[serde(default = "three")]
     pub within_se: f64,
-    /// Of `valid`: percent of the truth that the coefficient of an output may be off; nothing for no such bound.
+    /// Of `valid`: largest error of the coefficient, percent of the true one; unbounded when left out.
     #[serde(default)]
     pub within_pct: Option<f64>,
-    /// Of `valid`: percent of the truth that the mean of the coefficient may be off.
+    /// Of `valid`: largest mean error of the coefficient, percent of the true one.
     #[serde(default)]
     pub mean_within_pct: Option<f64>,
-    /// Share of the outputs that may miss `within_se` or `within_pct`: three standard errors leave 0.3 % of normally distributed ones.
+    /// Fraction of the outputs that may exceed `within_se` or `within_pct`: of normally distributed ones, 0.3 % exceed three
+    /// standard errors.
     #[serde(default = "few")]
     pub may_miss: f64,
 }
@@ -220,17 +221,17 @@ const fn minutes() -> u32 {
 /// A scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Where everything random comes from.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// What the vehicle is simulated with.
+    /// Model that simulates the vehicle.
     pub vehicle: VehicleModel,
     /// Length, s.
     pub duration_s: f64,
     /// Commands, in the order of time.
     pub at: Vec<DriverCommand>,
-    /// Failures.
+    /// Sensor failures.
     pub failures: Vec<SensorFailure>,
     /// Floods of the bus.
     pub babble: Vec<BusFlood>,
@@ -248,12 +249,12 @@ impl Scenario {
     /// Reads a scenario file.
     ///
     /// # Errors
-    /// What is wrong with it, with line, value and allowed range.
+    /// An invalid field, with line, value and allowed range.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_toml(&TomlFile::read(path)?)
     }
 
-    /// Reads a scenario's text.
+    /// Parses a scenario.
     ///
     /// # Errors
     /// As [`load`](Self::load).

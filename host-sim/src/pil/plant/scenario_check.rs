@@ -1,4 +1,4 @@
-//! What the firmware said against what was true and what was expected.
+//! Check of the firmware's outputs against the true state and the scenario's expectations.
 
 use kou_app::controller::NoEstimate;
 use kou_estimator::calibration::record::crc32;
@@ -8,34 +8,34 @@ use serde::Serialize;
 use super::scenario::{Expectation, Scenario};
 use super::vehicle::VehicleTruth;
 
-/// One expectation and what came of it.
+/// One expectation and its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ExpectationFinding {
-    /// From then, s.
+    /// Begin, s.
     pub from_s: f64,
-    /// Until then, s.
+    /// End, s.
     pub until_s: f64,
-    /// What was expected.
+    /// Expected state.
     pub state: String,
-    /// Outputs in that time, after the time that the state may take.
+    /// Outputs in that time, after the time within which the state must be reached.
     pub outputs: u64,
-    /// Outputs that were not as expected.
+    /// Outputs in another state.
     pub others: u64,
-    /// What they were, most often.
+    /// Most frequent other state.
     pub instead: Option<String>,
-    /// Time until the state first came, s; nothing when it never did.
+    /// Time until the state was first reached, s.
     pub came_after_s: Option<f64>,
     /// Of `valid`: largest error of the coefficient over its stated standard error.
     pub worst_se: Option<f64>,
-    /// Of `valid`: root mean square of the same.
+    /// Of `valid`: root mean square of that error.
     pub rms_se: Option<f64>,
-    /// Of `valid`: mean error of the coefficient, percent of the truth.
+    /// Of `valid`: mean error of the coefficient, percent of the true one.
     pub mean_error_pct: Option<f64>,
-    /// Of `valid`: largest error of the coefficient, percent of the truth.
+    /// Of `valid`: largest error of the coefficient, percent of the true one.
     pub worst_error_pct: Option<f64>,
     /// Of `valid`: largest error of the law's coefficient over its stated standard error.
     pub expected_worst_se: Option<f64>,
-    /// Of `valid`: largest stated standard error of the coefficient, percent of the truth.
+    /// Of `valid`: largest stated standard error of the coefficient, percent of the true one.
     pub largest_se_pct: Option<f64>,
     /// Of `valid`: outputs beyond the permitted number of standard errors.
     pub beyond: u64,
@@ -59,7 +59,7 @@ struct ExpectationTally {
     compared: u64,
 }
 
-/// Judges outputs as they come.
+/// Running check of the outputs.
 #[derive(Debug)]
 pub struct ScenarioCheck {
     expects: Vec<(Expectation, ExpectationTally)>,
@@ -68,7 +68,7 @@ pub struct ScenarioCheck {
     crc: u32,
 }
 
-/// Name of what an output says of the coefficient seen: `valid`, or the reason as reports print it.
+/// State of an output's observed coefficient: `valid`, or the reason as reports print it.
 #[must_use]
 pub fn name_of(output: &Result<Estimate, NoEstimate>) -> String {
     match output {
@@ -84,7 +84,7 @@ pub fn name_of(output: &Result<Estimate, NoEstimate>) -> String {
 }
 
 impl ScenarioCheck {
-    /// Of a scenario.
+    /// A check of a scenario's expectations.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let expects =
@@ -92,7 +92,7 @@ impl ScenarioCheck {
         Self { expects, outputs: 0, valid: 0, crc: 0 }
     }
 
-    /// Takes one output.
+    /// Checks one output.
     pub fn push(
         &mut self,
         time_s: f64,
@@ -139,7 +139,7 @@ impl ScenarioCheck {
                 tally.sum_relative += relative;
                 tally.worst_relative = tally.worst_relative.max(relative.abs());
                 tally.largest_se = tally.largest_se.max(f64::from(seen.kou_se.get()) / truth.kou);
-                // Outside the law's region nothing is expected, which is no error.
+                // Outside the calibrated region the law gives no value, which is no error.
                 let of_law = estimate.expected.map_or(0.0, |law| {
                     ((f64::from(law.kou.get()) - truth.kou_unworn) / f64::from(law.kou_se.get())).abs()
                 });
@@ -150,7 +150,7 @@ impl ScenarioCheck {
         }
     }
 
-    /// Outputs taken.
+    /// Checked outputs.
     #[must_use]
     pub const fn outputs(&self) -> u64 {
         self.outputs
@@ -168,7 +168,7 @@ impl ScenarioCheck {
         self.crc
     }
 
-    /// What came of each expectation.
+    /// Results of all expectations.
     #[must_use]
     pub fn findings(&self) -> Vec<ExpectationFinding> {
         self.expects.iter().map(|(expect, tally)| finding(expect, tally)).collect()

@@ -1,8 +1,8 @@
-//! The parts between vehicle and controller, with the reference wiring: transducers, the converter chip, toothed wheels.
+//! Emulated sensors with the reference wiring: transducers, analogue-digital converter, toothed wheels with pickups.
 //!
 //! The converter answers bytes with bytes, as an MCP3208 does: twelve bits of the ratio to its reference, with noise of
-//! half a count. Wheels have sixty teeth and run out of round by a fiftieth of a pitch. Failures are electrical, so that
-//! what the firmware makes of them is the firmware's doing.
+//! half a count. Wheels have sixty teeth and a runout of a fiftieth of a pitch. Failures are electrical, so that their
+//! detection is the firmware's.
 
 use heapless::Vec as Few;
 use kou_app::sensors::pickup::MAX_EDGES;
@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::scenario::{FailureMode, Scenario, Sensor, SensorFailure};
 use super::vehicle::VehicleTruth;
 
-/// Rate of the stamping timer.
+/// Rate of the capture timer.
 const COUNTER_HZ: f64 = 10.0e6;
 const TEETH: f64 = 60.0;
 /// Amplitude of the runout, pitches.
@@ -27,21 +27,21 @@ const PULL_UP_OHM: f64 = 2200.0;
 /// Analogue inputs of the chip.
 const INPUTS: usize = 8;
 
-/// What the controller's hardware sees of one millisecond.
+/// Signals at the controller's pins during one millisecond.
 #[derive(Debug, Clone)]
 pub struct HardwareSignals {
     /// Conversions of the chip's inputs; none where it does not answer.
     counts: [Option<u16>; INPUTS],
-    /// The stamping timer's count at the end.
+    /// Count of the capture timer at the end.
     pub count: u32,
-    /// Stamps of the pump's edges.
+    /// Time stamps of the pump's edges.
     pub pump: Few<u32, MAX_EDGES>,
-    /// Stamps of the motor's edges.
+    /// Time stamps of the motor's edges.
     pub motor: Few<u32, MAX_EDGES>,
 }
 
 impl HardwareSignals {
-    /// What the chip clocks out while `request` is clocked in: nothing drives the line until the null bit.
+    /// Answer that the converter clocks out while `request` is clocked in: nothing drives the line until the null bit.
     #[must_use]
     pub fn answer(&self, request: [u8; 3]) -> [u8; 3] {
         let [first, second, _] = request;
@@ -57,7 +57,7 @@ impl HardwareSignals {
     }
 }
 
-/// The parts of one vehicle.
+/// Sensors of one vehicle.
 #[derive(Debug)]
 pub struct SensorEmulator {
     rng: ChaCha8Rng,
@@ -69,7 +69,7 @@ pub struct SensorEmulator {
 }
 
 impl SensorEmulator {
-    /// The parts of a scenario.
+    /// The sensors of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -95,7 +95,7 @@ impl SensorEmulator {
         self.failures.iter().find(now).copied()
     }
 
-    /// What the hardware sees of the millisecond that ends at `time_s`.
+    /// Signals of the millisecond that ends at `time_s`.
     pub fn millisecond(&mut self, time_s: f64, truth: &VehicleTruth) -> HardwareSignals {
         let begin_s = self.ms as f64 * 1e-3;
         self.ms += 1;
@@ -147,7 +147,7 @@ impl SensorEmulator {
         Some(fresh)
     }
 
-    /// Stamps of a wheel's edges; `shaft` is its column in [`VehicleTruth::turns`].
+    /// Time stamps of a wheel's edges; `shaft` is its column in [`VehicleTruth::turns`].
     fn edges(
         &mut self,
         sensor: Sensor,
@@ -207,7 +207,7 @@ fn stamp(time_s: f64) -> u32 {
     (time_s * COUNTER_HZ).round() as u64 as u32
 }
 
-/// Share of the converter's reference that a sensor gives for a value.
+/// Output of a sensor for a value, as a fraction of the converter's reference.
 fn share_of(sensor: Sensor, value: f64) -> f64 {
     match sensor {
         Sensor::LineA | Sensor::LineB => {

@@ -1,4 +1,4 @@
-//! The service tool on the bus: it brings calibrations into the controller, good ones and others, and notes what it is told.
+//! Service tool on the bus: sends the scenario's calibration updates, valid or not, and records the controller's answers.
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
@@ -12,25 +12,25 @@ use serde::Serialize;
 use super::scenario::{Scenario, ScheduledUpdate};
 use kou_records::InputError;
 
-/// Source address of the service tool by the standard.
+/// Source address of a service tool (SAE J1939-81).
 const TOOL: u8 = 0xF9;
-/// Silence of the controller after which the tool gives up, ms.
-const PATIENCE_MS: u64 = 500;
+/// Silence of the controller after which the tool aborts an update, ms.
+const TIMEOUT_MS: u64 = 500;
 
-/// An update and what came of it.
+/// An update and its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UpdateFinding {
-    /// When it was begun, s.
+    /// Begin, s.
     pub from_s: f64,
-    /// Its counter.
+    /// Update counter.
     pub counter: u32,
-    /// What was expected: `committed`, the name of a refusal, or `silence`.
+    /// Expected result: `committed`, the name of a reject reason, or `silence`.
     pub expect: String,
-    /// What came; nothing when the scenario ended before.
+    /// Result, unless the scenario ended before.
     pub came: Option<String>,
-    /// When, s after it was begun.
+    /// Time of the result after the begin, s.
     pub after_s: Option<f64>,
-    /// Whether what was expected came within its time.
+    /// Whether the expected result came in time.
     pub met: bool,
 }
 
@@ -44,14 +44,14 @@ struct UpdateTransaction {
     came: Option<(String, u64)>,
 }
 
-/// The tool.
+/// The service tool.
 pub struct ServiceTool {
     transactions: Vec<UpdateTransaction>,
     controller: Option<u8>,
     ms: u64,
 }
 
-/// The controller's key in a scenario: from its seed, so that none stands anywhere.
+/// The controller's key in a scenario, derived from its seed.
 #[must_use]
 pub fn key_of(scenario: &Scenario) -> [u8; 32] {
     core::array::from_fn(|i| {
@@ -94,11 +94,11 @@ impl ServiceTool {
         Ok(Self { transactions: transactions.collect::<Result<_, InputError>>()?, controller: None, ms: 0 })
     }
 
-    /// One millisecond: hears what the controller sends, and says what is to be said.
-    pub fn millisecond(&mut self, time_s: f64, heard: &[CanFrame]) -> Option<CanFrame> {
+    /// One millisecond: receives the controller's frames, and returns the next frame to send.
+    pub fn millisecond(&mut self, time_s: f64, received: &[CanFrame]) -> Option<CanFrame> {
         self.ms += 1;
         let mut answer = None;
-        for (id, data) in heard {
+        for (id, data) in received {
             let id = Id::from_raw(*id);
             self.controller = Some(id.source());
             if id.pgn() == UPDATE_COMMAND.pgn && id.destination() == TOOL {
@@ -114,7 +114,7 @@ impl ServiceTool {
         let ended = match answer {
             Some(Answer::Committed { .. }) => Some("committed".to_owned()),
             Some(Answer::Refused { why, .. }) => Some(why.name().to_owned()),
-            None if under_way.sent > 0 && ms - under_way.sent_ms > PATIENCE_MS => Some("silence".to_owned()),
+            None if under_way.sent > 0 && ms - under_way.sent_ms > TIMEOUT_MS => Some("silence".to_owned()),
             None if under_way.sent > 0 => return None,
             _ => None,
         };
@@ -130,17 +130,17 @@ impl ServiceTool {
         Some((frame.id().raw(), heapless::Vec::from_slice(frame.data()).ok()?))
     }
 
-    /// Parameters of the updates, in their order, each with whether the controller may use it by now.
+    /// Parameters of the updates, in their order, and whether the controller may already use them.
     pub fn candidates(&self) -> impl Iterator<Item = (&Params, bool)> {
         self.transactions.iter().filter_map(|one| {
-            // Without an answer it may have been stored, or not.
+            // Without an answer it may or may not have been stored.
             let may = one.sent > 0
                 && one.came.as_ref().is_none_or(|(came, _)| came == "committed" || came == "silence");
             one.params.as_ref().map(|params| (params, may))
         })
     }
 
-    /// What came of each.
+    /// Results of all updates.
     #[must_use]
     pub fn findings(&self) -> Vec<UpdateFinding> {
         let of = |one: &UpdateTransaction| {

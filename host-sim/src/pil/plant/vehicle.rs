@@ -1,7 +1,7 @@
-//! The vehicle: pump, motor and circuit, by the full model or by a surrogate.
+//! Vehicle: pump, motor and circuit, by the lumped model or by a surrogate.
 //!
-//! Its leakage is that of the synthetic bench records, three gaps and no quadratic, times the scenario's wear; the
-//! operating point in it is the present one, taken anew every 20 ms.
+//! Its leakage is that of the synthetic bench records, three gaps and no quadratic, times the scenario's wear, updated every
+//! 20 ms with the present operating point.
 
 use std::f64::consts::TAU;
 
@@ -22,18 +22,18 @@ use kou_lumped::tableau::Method;
 use kou_lumped::{Model, Plant};
 use kou_records::InputError;
 
-/// Milliseconds between two looks at the leakage truth.
+/// Milliseconds between two updates of the true leakage.
 const TRUTH_MS: u64 = 20;
 /// Largest step, as pump angle and as time.
 const STEP_RAD: f64 = 0.75 / 360.0 * TAU;
 const STEP_S: f64 = 1.0e-4;
-/// Where the truth of leakage is formed, so that the law of gaps holds: a machine that turns and is loaded.
+/// Lower limits of speed and pressure in the true leakage, so that the law of gaps holds: a machine that turns under load.
 const LEAST_RPM: f64 = 100.0;
 const LEAST_MPA: f64 = 1.0;
-/// Lag of the surrogate's motor.
+/// Time constant of the surrogate's motor, s.
 const LAG_S: f64 = 0.05;
 
-/// The vehicle at the end of a millisecond.
+/// True state of the vehicle at the end of a millisecond.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleTruth {
     /// Pump speed, r/min.
@@ -48,7 +48,7 @@ pub struct VehicleTruth {
     pub t_b_c: f64,
     /// Leakage coefficient of each chamber, (L/min)/MPa.
     pub kou: f64,
-    /// The same without the scenario's wear: what the law should expect.
+    /// Leakage coefficient without the scenario's wear, which the law should give.
     pub kou_unworn: f64,
     /// Shaft angles during the millisecond: time within it in s, pump and motor in turns.
     pub turns: Vec<[f64; 3]>,
@@ -58,9 +58,9 @@ pub struct VehicleTruth {
 // One of them exists at a time.
 #[allow(clippy::large_enum_variant, reason = "there is one vehicle in a run")]
 pub enum Vehicle {
-    /// By the full model.
+    /// Simulated by the lumped model.
     Full(LumpedVehicle),
-    /// By the calibration's reduced model.
+    /// Simulated by the calibration's reduced model.
     Surrogate(SurrogateVehicle),
 }
 
@@ -77,10 +77,10 @@ impl Vehicle {
         })
     }
 
-    /// One millisecond later.
+    /// Advances by one millisecond.
     ///
     /// # Errors
-    /// When the model gives up.
+    /// When the model fails.
     pub fn millisecond(&mut self, command: &DriverCommand) -> Result<VehicleTruth, LoopError> {
         match self {
             Self::Full(full) => full.millisecond(command),
@@ -93,7 +93,7 @@ fn truth_at(machine: &Machine, command: &DriverCommand, p_h_mpa: f64) -> f64 {
     command.wear * kou_truth(machine, command.n_p_rpm.max(LEAST_RPM), p_h_mpa.max(LEAST_MPA), command.t_b_c)
 }
 
-/// The full model.
+/// Vehicle of the lumped model.
 pub struct LumpedVehicle {
     machine: Machine,
     model: Model,
@@ -137,7 +137,7 @@ impl LumpedVehicle {
     fn millisecond(&mut self, command: &DriverCommand) -> Result<VehicleTruth, LoopError> {
         if self.ms.is_multiple_of(TRUTH_MS) {
             self.kou = truth_at(&self.machine, command, self.high_mpa);
-            // Whole degrees: the oil's tables are kept, and none of its properties but viscosity changes much in one.
+            // Full degrees: the oil's tables are cached, and none of its properties but viscosity changes much in one.
             self.plant = self.model.plant(command.t_b_c.round(), self.kou)?;
             self.state.restart();
         }
@@ -151,7 +151,7 @@ impl LumpedVehicle {
         run(&mut integrator, &mut self.state, &inputs, 1e-3 / steps, steps as u64, &mut angles)?;
         let gauge = |line: usize| (self.state.p_node_pa[line] - ATMOSPHERE_PA) * 1.0e-6;
         let lines_mpa = [gauge(A), gauge(B)];
-        // The mean over some ripples, as leakage forms it.
+        // Mean over some periods of the ripple, on which the leakage depends.
         self.high_mpa += 0.02 * (lines_mpa[0].max(lines_mpa[1]) - self.high_mpa);
         Ok(VehicleTruth {
             n_p_rpm: command.n_p_rpm,
@@ -166,7 +166,7 @@ impl LumpedVehicle {
     }
 }
 
-/// The reduced model, its motor lagging.
+/// Vehicle of the reduced model, with a first-order lag of the motor.
 pub struct SurrogateVehicle {
     machine: Machine,
     params: Params,
@@ -180,7 +180,7 @@ pub struct SurrogateVehicle {
 impl SurrogateVehicle {
     fn new(machine: &Machine, calibration: &Calibration) -> Result<Self, InputError> {
         let params =
-            Params::new(calibration).map_err(|e| InputError::new(format!("calibration refused: {e}")))?;
+            Params::new(calibration).map_err(|e| InputError::new(format!("calibration rejected: {e}")))?;
         let motor = machine.motor().map_or(0.0, |motor| motor.displacement_cm3_per_rev);
         if motor <= 0.0 {
             return Err(InputError::new("a closed loop needs a machine with a motor"));

@@ -1,10 +1,10 @@
-//! Random numbers that repeat with their seed.
+//! Seeded random errors: the same seed gives the same numbers.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
-/// A source of normally distributed numbers.
+/// Seeded source of random errors.
 #[derive(Debug, Clone)]
 pub struct Noise(ChaCha8Rng);
 
@@ -21,8 +21,8 @@ impl Noise {
         sigma * unit
     }
 
-    /// A number that is anywhere between `-limit` and `limit` with the same probability: what is known of a systematic
-    /// error of which only the permissible size is stated.
+    /// A number uniformly distributed between `-limit` and `limit`: a systematic error of which only the permissible size is
+    /// known.
     pub fn within(&mut self, limit: f64) -> f64 {
         Uniform::new_inclusive(-limit, limit).map_or(0.0, |uniform| uniform.sample(&mut self.0))
     }

@@ -1,4 +1,4 @@
-//! Bad input of the full model's commands ends in exit code 2 with cause and value, never in a panic or a hang.
+//! Bad input of the lumped model's commands ends in exit code 2 with cause and value, never in a panic or a hang.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -20,7 +20,7 @@ fn simulate(extra: &[&str]) -> Output {
     host_sim(&args)
 }
 
-fn said(output: &Output) -> String {
+fn error_text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -42,7 +42,7 @@ fn values_out_of_range_are_named_with_value_and_range() {
         (&["--n-p-rpm", "2000", "--load-nm", "-5"], "load", "-5"),
     ] {
         let output = simulate(args);
-        let text = said(&output);
+        let text = error_text(&output);
         assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
         assert!(text.contains(cause) && text.contains(value) && text.contains("allowed"), "{args:?}: {text}");
         assert!(output.stdout.is_empty(), "{args:?}");
@@ -53,15 +53,15 @@ fn values_out_of_range_are_named_with_value_and_range() {
 fn a_pressure_that_leakage_makes_unreachable_is_named() {
     let output = simulate(&["--n-p-rpm", "500", "--p-h-mpa", "50", "--kou", "2"]);
     assert_eq!(output.status.code(), Some(2));
-    let text = said(&output);
+    let text = error_text(&output);
     assert!(text.contains("50 MPa cannot be reached") && text.contains("leakage"), "{text}");
     let output = simulate(&["--n-p-rpm", "2000", "--load-nm", "100000", "--kou", "0.1"]);
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("load of 100000 N m"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", error_text(&output));
+    assert!(error_text(&output).contains("load of 100000 N m"), "{}", error_text(&output));
 }
 
 #[test]
-fn bad_machines_are_refused_with_line_and_range() {
+fn bad_machines_are_rejected_with_line_and_range() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("m.toml");
     for (from, to, cause) in [
@@ -81,14 +81,14 @@ fn bad_machines_are_refused_with_line_and_range() {
             "--p-h-mpa",
             "30",
         ]);
-        let text = said(&output);
+        let text = error_text(&output);
         assert_eq!(output.status.code(), Some(2), "{text}");
         assert!(text.contains(cause) && text.contains("allowed") && text.contains("m.toml:"), "{text}");
     }
 }
 
 #[test]
-fn a_machine_without_the_full_models_parts_is_told_which() {
+fn a_machine_without_the_lumped_models_parts_names_the_missing_ones() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("m.toml");
     let start = REFERENCE.find("[circuit.dynamics]").unwrap();
@@ -97,7 +97,7 @@ fn a_machine_without_the_full_models_parts_is_told_which() {
     let output =
         host_sim(&["simulate", "--machine", file.to_str().unwrap(), "--n-p-rpm", "2000", "--p-h-mpa", "30"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("[circuit.dynamics]"), "{}", said(&output));
+    assert!(error_text(&output).contains("[circuit.dynamics]"), "{}", error_text(&output));
 }
 
 #[test]
@@ -114,8 +114,8 @@ fn a_step_response_that_does_not_settle_says_so() {
         "--duration-s",
         "0.05",
     ]);
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("no steady state"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", error_text(&output));
+    assert!(error_text(&output).contains("no steady state"), "{}", error_text(&output));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn json_is_one_object_with_the_promised_fields() {
         "--waveforms",
         waves.to_str().unwrap(),
     ]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", error_text(&output));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for field in [
         "ratio",
@@ -190,7 +190,7 @@ fn paper_writes_every_figure_and_meets_the_published_values() {
     let (file, out) = (machine("reference.toml"), dir.path().join("figures"));
     let output =
         host_sim(&["paper", "--machine", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", error_text(&output));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["within"], true);
     for figure in ["fig3_port_areas", "fig4_bulk_modulus", "fig5_ripple", "fig7_step", "fig8_ratio"] {
