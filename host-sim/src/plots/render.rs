@@ -52,6 +52,8 @@ impl<'c> Renderer<'c> {
     pub(super) fn axes<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Axes<'a, 'b>, Box<dyn Error>> {
         Ok(ChartBuilder::on(area)
             .margin(8 * self.pixels)
+            // Room for the half of the last tick's label.
+            .margin_right(18 * self.pixels)
             .x_label_area_size(36 * self.pixels)
             .y_label_area_size(64 * self.pixels)
             .build_cartesian_2d(self.x_range.clone(), self.y_range.clone())?)
@@ -92,9 +94,9 @@ impl<'c> Renderer<'c> {
             axes.draw_series(series.finite().map(|p| Circle::new((p.x, p.y), radius, colour.filled())))?;
         }
         let segments = if series.marks == Marks::Dots { vec![] } else { self.segments(axes, series) };
-        // Noise of many samples would be one broad band otherwise.
-        let width = if series.points.len() > axes.plotting_area().dim_in_pixel().0 as usize { 1 } else { 2 };
-        let (single, joined): (Vec<_>, Vec<_>) = segments.into_iter().partition(|s| s.len() == 1);
+        // Noisy signals would be one broad band otherwise.
+        let width = if self.chart.clips_spikes { 1 } else { 2 };
+        let (single, joined): (Vec<_>, Vec<_>) = segments.into_iter().partition(|s| s.len() < 2);
         axes.draw_series(single.into_iter().flatten().map(|at| Circle::new(at, pixels, colour.filled())))?;
         let paths = joined.into_iter().map(|s| PathElement::new(s, colour.stroke_width(width * pixels)));
         axes.draw_series(paths)?
@@ -114,9 +116,13 @@ impl<'c> Renderer<'c> {
         Ok(())
     }
 
-    /// A line as the pixels can show it.
+    /// The segments of a line: all points, or as many as the pixels can show.
     fn segments(&self, axes: &Axes<'_, '_>, series: &Series) -> Vec<Vec<(f64, f64)>> {
         let (wide, tall) = axes.plotting_area().dim_in_pixel();
+        if series.points.len() <= wide as usize {
+            let segments = series.points.split(|point| !point.is_finite());
+            return segments.map(|points| points.iter().map(|p| (p.x, p.y)).collect()).collect();
+        }
         let mut decimator = MinMaxDecimator::over(self.x_range.start, self.x_range.end, wide as usize);
         series.points.iter().for_each(|point| decimator.push(point.x, point.y));
         decimator.segments((self.y_range.end - self.y_range.start) / f64::from(tall))
@@ -124,7 +130,9 @@ impl<'c> Renderer<'c> {
 
     /// The place of the legend with the fewest points behind it: a third of the width, a quarter of the height.
     fn emptiest_place(&self) -> SeriesLabelPosition {
-        use SeriesLabelPosition::{LowerLeft, LowerRight, MiddleLeft, MiddleRight, UpperLeft, UpperRight};
+        use SeriesLabelPosition::{
+            LowerLeft, LowerRight, MiddleLeft, MiddleMiddle, MiddleRight, UpperLeft, UpperRight,
+        };
         let share = |range: &Range<f64>, value: f64| (value - range.start) / (range.end - range.start);
         let mut behind = [
             (UpperLeft, [0.0, 0.75], 0_usize),
@@ -133,6 +141,7 @@ impl<'c> Renderer<'c> {
             (LowerRight, [0.65, 0.0], 0),
             (MiddleLeft, [0.0, 0.375], 0),
             (MiddleRight, [0.65, 0.375], 0),
+            (MiddleMiddle, [0.325, 0.375], 0),
         ];
         for series in &self.chart.series {
             for pair in series.points.windows(2) {

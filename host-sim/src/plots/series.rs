@@ -59,7 +59,7 @@ pub struct Series {
     pub name: String,
     /// Marks.
     pub marks: Marks,
-    /// Points; those of a line in the order of their abscissae.
+    /// Points; those of a long line in the order of their abscissae.
     pub points: Vec<DataPoint>,
 }
 

@@ -2,24 +2,20 @@
 
 mod alarms;
 mod plots;
+mod results;
+mod study;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use kou_estimator::Calibration;
-use kou_estimator::health::Cause;
-use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 
 use super::calibrated_args::CalibratedArgs;
 use super::failure::Failure;
 use super::output::{print_json, print_text};
-use crate::evaluate::{
-    CoverageCounts, CoverageShare, DIMENSIONS, DriveEvent, FaultCase, HitCount, TrialCase, TrialResult,
-    TrialSettings, fault_cases, quantile,
-};
+use crate::evaluate::TrialSettings;
 use kou_identify::calibration::SensorClass;
 use kou_records::InputError;
+use study::{StudyPlan, study};
 
 /// Evaluates health monitoring on simulated drives: false alarms, delays, confusion of causes, coverage of intervals.
 #[derive(Debug, clap::Args)]
@@ -54,57 +50,6 @@ pub struct Args {
     pub json: bool,
 }
 
-/// Hours of each healthy drive.
-const DRIVE_H: f64 = 50.0;
-/// Hours after an event.
-const AFTER_H: f64 = 1.0;
-/// Drives over which coverage is counted, for each of `--runs`: one drive is one draw of the systematic errors.
-const COVERAGE_DRIVES: u64 = 10;
-/// Hours of each.
-const COVERAGE_H: f64 = 2.0;
-/// Hours of a drive with a drift.
-const DRIFT_H: f64 = 15.0;
-/// Wear of the machines when learning begins, 1 sigma, where coverage is counted: that of the level's prior.
-const WORN_SD: f64 = 0.3;
-/// Sizes of leaks, as fractions of the law's leakage.
-const LEAKS: [f64; 8] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0];
-/// Drift per hour.
-const DRIFT_PER_H: f64 = 0.01;
-/// Nominal probabilities of intervals, with their half widths in standard errors.
-const NOMINAL: [(f64, f64); 5] = [(0.5, 0.674), (0.683, 1.0), (0.8, 1.282), (0.95, 1.96), (0.99, 2.576)];
-
-#[derive(Debug, Serialize)]
-struct LeakDetection {
-    share: f64,
-    reported: usize,
-    runs: usize,
-    delay_s_median: Option<f64>,
-    delay_s_95: Option<f64>,
-    within_60_s: usize,
-    within_600_s: usize,
-    wear_confirmed: usize,
-    sensor_blamed: usize,
-    remaining: BTreeMap<String, usize>,
-}
-
-impl LeakDetection {
-    fn of(share: f64, runs: &[TrialResult]) -> Self {
-        let delays: Vec<f64> = runs.iter().filter_map(|r| r.delay_s).collect();
-        Self {
-            share,
-            reported: delays.len(),
-            runs: runs.len(),
-            delay_s_median: quantile(delays.clone(), runs.len(), 0.5),
-            within_60_s: delays.iter().filter(|d| **d <= 60.0).count(),
-            within_600_s: delays.iter().filter(|d| **d <= 600.0).count(),
-            delay_s_95: quantile(delays, runs.len(), 0.95),
-            wear_confirmed: runs.iter().filter(|r| r.wear).count(),
-            sensor_blamed: runs.iter().filter(|r| r.sensor).count(),
-            remaining: remaining(runs),
-        }
-    }
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -133,149 +78,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         worn_sd: 0.0,
         seed: args.seed,
     };
-    let report = study(args, &settings, &calibration)?;
+    let plan = StudyPlan {
+        hours: args.hours,
+        runs: args.runs,
+        plots: args.plots.as_deref(),
+        calibration: &args.given.calibration,
+    };
+    let report = study(&plan, &settings, &calibration)?;
     if args.json { print_json(&report) } else { print_text(&text(&report)) }
-}
-
-/// Number of trials in which each cause remained at the end.
-fn remaining(runs: &[TrialResult]) -> BTreeMap<String, usize> {
-    let mut counts = BTreeMap::new();
-    for cause in runs.iter().flat_map(|r| &r.remaining) {
-        *counts.entry((*cause).to_string()).or_insert(0) += 1;
-    }
-    counts
-}
-
-fn study(args: &Args, settings: &TrialSettings, calibration: &Calibration) -> Result<Value, Failure> {
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked to be positive and at most 1e5"
-    )]
-    let drives = (args.hours / DRIVE_H).ceil() as u64;
-    let hours_each = args.hours / drives as f64;
-    let healthy = settings.run_healthy_many(drives, hours_each);
-    let sum = |of: fn(&TrialResult) -> f64| healthy.iter().map(of).sum::<f64>();
-    let worn = TrialSettings { worn_sd: WORN_SD, ..settings.clone() };
-    let coverage = IntervalCoverage::of(&worn.run_healthy_many(COVERAGE_DRIVES * args.runs, COVERAGE_H));
-    let open = sum(|r| r.gate_open_s) / sum(|r| r.judged_s).max(1.0);
-
-    let named = fault_cases(&settings.params, &calibration.oil).map_err(|e| {
-        InputError::new(format!("no air can be added to its oil: {e}")).at_file(&args.given.calibration)
-    })?;
-    let cases = cases(&named);
-    let mut results = settings.run_cases(args.runs, &cases).into_iter();
-    let detections: Vec<LeakDetection> =
-        LEAKS.iter().zip(results.by_ref()).map(|(share, runs)| LeakDetection::of(*share, &runs)).collect();
-    let confusion: Map<String, Value> = named
-        .iter()
-        .zip(results.by_ref())
-        .map(|(fault, runs)| (fault.name.into(), confusion(fault, &runs)))
-        .collect();
-    let drift = results.next().unwrap_or_default();
-    let levels: Vec<f64> = drift.iter().filter_map(|r| r.level_at_report).collect();
-    if let Some(folder) = &args.plots {
-        let alarms = alarms::measure(settings, calibration, args.hours)?;
-        plots::draw(folder, &detections, &coverage, &alarms, &calibration.health, open)?;
-    }
-    Ok(json!({
-        "healthy_hours": args.hours,
-        "false_changes_per_1000_h": 1000.0 * sum(|r| f64::from(r.false_changes)) / args.hours,
-        "false_wear_worlds": healthy.iter().filter(|r| r.false_wear).count(),
-        "gate_open_of_judged": open,
-        "coverage_worlds": COVERAGE_DRIVES * args.runs,
-        "coverage_95": { "level": &coverage.of_level, "kou": &coverage.of_kou },
-        "level_error_rms": coverage.level_error_rms,
-        "detection": detections,
-        "drift_1_pct_per_h": {
-            "runs": drift.len(),
-            "reported": levels.len(),
-            "level_at_report_median": quantile(levels.clone(), drift.len(), 0.5),
-            "level_at_report_95": quantile(levels.clone(), drift.len(), 0.95),
-            "level_at_report_largest": levels.iter().copied().reduce(f64::max),
-        },
-        "faults": confusion,
-    }))
-}
-
-/// Leaks, faults and the drift, in this order.
-fn cases(faults: &[FaultCase]) -> Vec<TrialCase> {
-    let wear = |event, hours, until_report| TrialCase { event, hours, until_report, cause: Cause::Wear };
-    let leaks =
-        LEAKS.iter().map(|share| wear(DriveEvent::Leak { share: *share, within_s: 60.0 }, AFTER_H, false));
-    let faults = faults.iter().map(|fault| TrialCase {
-        event: fault.event.clone(),
-        hours: AFTER_H,
-        until_report: false,
-        cause: fault.cause,
-    });
-    let drift = wear(DriveEvent::Drift { per_h: DRIFT_PER_H }, DRIFT_H, true);
-    leaks.chain(faults).chain([drift]).collect()
-}
-
-/// Diagnosis of a fault.
-fn confusion(fault: &FaultCase, runs: &[TrialResult]) -> Value {
-    json!({
-        "cause": fault.cause.name(),
-        "runs": runs.len(),
-        "reported": runs.iter().filter(|r| r.delay_s.is_some()).count(),
-        "wear_confirmed": runs.iter().filter(|r| r.wear).count(),
-        "sensor_blamed": runs.iter().filter(|r| r.sensor).count(),
-        "ever_named_causes_without_it": runs.iter().filter(|r| r.misled).count(),
-        "remaining": remaining(runs),
-    })
-}
-
-/// Coverage of one quantity's 95 % interval.
-#[derive(Debug, Serialize)]
-struct CoverageShares {
-    all: CoverageShare,
-    first_quarter_hour: CoverageShare,
-    first_90_min: CoverageShare,
-    later: CoverageShare,
-    /// Lower, middle and upper third of each dimension.
-    by_third: BTreeMap<&'static str, [CoverageShare; 3]>,
-}
-
-impl CoverageShares {
-    fn of(runs: &[TrialResult], looks: fn(&TrialResult) -> &CoverageCounts) -> Self {
-        let over =
-            |of: &dyn Fn(&CoverageCounts) -> HitCount| CoverageShare::over(runs.iter().map(|r| of(looks(r))));
-        let third = |dimension: usize, third: usize| {
-            over(&|l| l.by_region.get(dimension).and_then(|t| t.get(third)).copied().unwrap_or_default())
-        };
-        let dimensions = DIMENSIONS.iter().enumerate();
-        Self {
-            all: over(&CoverageCounts::all),
-            first_quarter_hour: over(&|l| l.by_time[0]),
-            first_90_min: over(&CoverageCounts::early),
-            later: over(&CoverageCounts::late),
-            by_third: dimensions.map(|(i, name)| (*name, [0, 1, 2].map(|k| third(i, k)))).collect(),
-        }
-    }
-}
-
-/// Coverage of all intervals.
-struct IntervalCoverage {
-    of_level: CoverageShares,
-    of_kou: CoverageShares,
-    level_error_rms: f64,
-    /// Nominal probability and share, of the level at the end.
-    level: Vec<(f64, f64)>,
-}
-
-impl IntervalCoverage {
-    fn of(runs: &[TrialResult]) -> Self {
-        let looks = runs.iter().map(|r| f64::from(r.level.all().looks)).sum::<f64>().max(1.0);
-        let ratios: Vec<f64> = runs.iter().filter_map(|r| r.level_error_in_se).collect();
-        let within = |se: f64| ratios.iter().filter(|z| z.abs() <= se).count() as f64 / ratios.len() as f64;
-        Self {
-            of_level: CoverageShares::of(runs, |r| &r.level),
-            of_kou: CoverageShares::of(runs, |r| &r.kou),
-            level_error_rms: (runs.iter().map(|r| r.level_error2).sum::<f64>() / looks).sqrt(),
-            level: NOMINAL.iter().map(|(nominal, se)| (*nominal, within(*se))).collect(),
-        }
-    }
 }
 
 fn text(report: &Value) -> String {

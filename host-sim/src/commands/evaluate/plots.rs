@@ -5,7 +5,7 @@ use std::path::Path;
 use kou_estimator::health::HealthConfig;
 
 use super::alarms::{Alarms, MISFITS, threshold};
-use super::{IntervalCoverage, LeakDetection};
+use super::results::{IntervalCoverage, LeakDetection};
 use crate::commands::failure::Failure;
 use crate::output_file::create_folder;
 use crate::plots::{Chart, Series, svg_file};
