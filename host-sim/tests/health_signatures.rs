@@ -7,7 +7,7 @@ mod support;
 
 use host_sim::calibration::read_checked;
 use kou_estimator::health::Cause;
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
 use support::{Folder, calibrated};

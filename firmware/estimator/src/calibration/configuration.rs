@@ -1,20 +1,13 @@
-//! The calibration of one machine: everything the estimator knows that is not measured.
-//!
-//! [`Calibration`] is plain configuration: it can be written down, edited and stored, and may be wrong. Only
-//! [`crate::Params::new`] turns it into parameters, after checking every field ([`check`]). Its binary record for flash
-//! and link is in [`record`]; the TOML form for people is the host tool's. Field names carry their units in both.
-
-pub mod check;
-pub mod record;
+//! Configuration of one machine as it is written and stored.
 
 use heapless::String;
 use serde::{Deserialize, Serialize};
 
-use crate::health::HealthConfig;
-use crate::law::LawConfig;
-use crate::oil::OilConfig;
-use crate::reduced::ReducedConfig;
-use crate::region::RegionConfig;
+use super::health::HealthConfig;
+use crate::model::calibrated_region::RegionConfig;
+use crate::model::flow_balance::ReducedConfig;
+use crate::model::leakage_law::LawConfig;
+use crate::model::oil_compression::OilConfig;
 use crate::units::{
     Celsius, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio, RevPerMin,
 };
