@@ -30,7 +30,7 @@ use kou_app::storage::{
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, KeySource, Service, Session};
 use kou_estimator::State;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::Micros;
 use kou_tests::samples::learned;
 use kou_tests::{record_of, reference_calibration, reference_params};

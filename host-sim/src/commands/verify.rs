@@ -3,7 +3,7 @@
 //! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! Points fill the envelope and are none of those to which the surrogate was fitted.
 
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;

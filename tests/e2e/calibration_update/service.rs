@@ -3,8 +3,8 @@
 use kou_app::storage::ram::Torn;
 use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{Handled, Service};
-use kou_estimator::calibration::record;
 use kou_estimator::health::HealthState;
+use kou_estimator::record;
 use kou_tests::reference_params;
 
 use super::*;

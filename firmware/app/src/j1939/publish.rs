@@ -1,7 +1,7 @@
 //! Estimates and health as messages: what stands in each is told by the catalogue, and here where it comes from.
 
 use kou_estimator::health::{Cause, Closed, Health, Stage};
-use kou_estimator::region::Direction;
+use kou_estimator::model::calibrated_region::Direction;
 use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Seen};
 
 use super::catalogue as c;

@@ -17,12 +17,12 @@ pub use message::{
     decode_response,
 };
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 /// Bytes of CRC behind the payload.
 pub const CRC_LEN: usize = 4;
 /// Largest payload: a calibration record with its tag and its length.
-pub const MAX_PAYLOAD: usize = record::MAX_LEN + 8;
+pub const MAX_PAYLOAD: usize = record::calibration::MAX_LEN + 8;
 /// Largest frame before stuffing: payload and CRC.
 pub const MAX_BODY: usize = MAX_PAYLOAD + CRC_LEN;
 /// Largest frame on the line, its closing zero included.

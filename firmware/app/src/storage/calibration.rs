@@ -4,8 +4,9 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::Params;
-use kou_estimator::calibration::check::CalibrationError;
-use kou_estimator::calibration::{Calibration, MachineConfig, record};
+use kou_estimator::calibration::CalibrationError;
+use kou_estimator::calibration::{Calibration, MachineConfig};
+use kou_estimator::record;
 
 use super::kinds::{StoredCalibration, UpdateCounter};
 use super::store::{Store, StoreError};
@@ -85,7 +86,7 @@ fn prepared(bytes: &[u8], place: Option<&mut dyn Place>) -> Result<Machine, Refu
 // Not inlined: what it takes would lie on the stack beside the parameters.
 #[inline(never)]
 fn decoded(bytes: &[u8]) -> Result<Calibration, Refusal> {
-    record::decode(bytes).map_err(|_| Refusal::Record)
+    record::calibration::decode(bytes).map_err(|_| Refusal::Record)
 }
 
 fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn Place) -> Option<Live> {

@@ -11,7 +11,7 @@
 //! Beneath it, sequential-storage keeps key, length and a CRC of its own; this one holds for the record wherever it is
 //! and whatever library wrote it.
 
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use sequential_storage::map::{SerializationError, Value};
 use serde::{Deserialize, Serialize};
 

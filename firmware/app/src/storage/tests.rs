@@ -83,7 +83,7 @@ fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
         assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(good)));
         let longest = StoredCalibration {
             counter: u32::MAX,
-            record: &long[..kou_estimator::calibration::record::MAX_LEN],
+            record: &long[..kou_estimator::record::calibration::MAX_LEN],
         };
         store.write(&longest).await.unwrap();
         assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(longest)));

@@ -1,7 +1,7 @@
 //! Task `estimate`: commands into responses, one for one and in order. The only task that holds parameters and state.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::{Params, Sample, State, step};
 
 use super::{Answer, Board, Bus, Command};
@@ -22,7 +22,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(bus: &Bus<M>, board: &B) -> ! {
         let answer = match bus.commands.receive().await {
             Command::Hello => Response::Hello(Hello {
                 protocol: PROTOCOL,
-                record_schema: record::SCHEMA,
+                record_schema: record::calibration::SCHEMA,
                 version: env!("CARGO_PKG_VERSION"),
                 board: B::NAME,
             }),

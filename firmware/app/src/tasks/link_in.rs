@@ -6,7 +6,7 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Read;
 use kou_estimator::Params;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::{Bus, Command, LinkEnd};
 use crate::link::{ErrorKind, FrameDecoder, FrameError, Refusal, Request, decode_request};
@@ -70,7 +70,7 @@ async fn command<M: RawMutex>(bus: &Bus<M>, request: Result<Request<'_>, FrameEr
 // Not inlined: its temporaries are large, and inlined they would live in the task for good.
 #[inline(never)]
 fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), Refusal<&'static str>> {
-    let calibration = record::decode(bytes)?;
+    let calibration = record::calibration::decode(bytes)?;
     let params = Params::new(&calibration)?;
     let crc = bytes.last_chunk().map_or(0, |crc| u32::from_le_bytes(*crc));
     Ok((params, crc))

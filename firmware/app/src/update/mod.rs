@@ -29,12 +29,12 @@ pub use service::{Handled, Opened, Service};
 pub use session::{Guard, Machine, Outcome, Session, Todo, What, is_loaded};
 pub use transfer::Transfer;
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use crate::storage;
 
 /// Longest transfer: a calibration record and its tag.
-pub const MAX_TRANSFER: usize = record::MAX_LEN + TAG_LEN;
+pub const MAX_TRANSFER: usize = record::calibration::MAX_LEN + TAG_LEN;
 
 /// Bytes of the session's buffer, which also serves as [`crate::storage::Store::heal`]'s scratch memory.
 pub const BUFFER_LEN: usize =

@@ -11,7 +11,7 @@
 
 use heapless::String;
 use kou_estimator::Sample;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::{Megapascal, Micros};
 
 use super::mac::{self, KeySource, TAG_LEN};
@@ -345,7 +345,7 @@ fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Refusa
     if counter <= guard.counter {
         return Err(Refusal::OldCounter);
     }
-    if !(MIN_LEN..=record::MAX_LEN).contains(&length) {
+    if !(MIN_LEN..=record::calibration::MAX_LEN).contains(&length) {
         return Err(Refusal::Length);
     }
     Ok(Stage::Receiving { length, counter, filled: 0 })

@@ -1,6 +1,6 @@
 //! The tool's side of an update: the commands, one after the other. Each is sent when the one before was answered well.
 
-use kou_estimator::calibration::record::MAX_LEN;
+use kou_estimator::record::calibration::MAX_LEN;
 
 use super::mac::{self, Key, TAG_LEN};
 use super::wire::{Command, SEGMENT, segment};

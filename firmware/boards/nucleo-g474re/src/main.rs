@@ -43,7 +43,7 @@ use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::storage::Store;
 use kou_app::update::{Service, Session};
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;

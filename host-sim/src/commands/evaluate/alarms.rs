@@ -3,7 +3,7 @@
 //! At the stated run length none can be seen in any time that can be simulated. So thresholds of shorter run lengths are
 //! tried, and machines that miss the law by more than is declared, which is what the derivation does not cover.
 
-use kou_estimator::health::HealthConfig;
+use kou_estimator::calibration::HealthConfig;
 use kou_estimator::{Calibration, Params};
 
 use crate::commands::Failure;

@@ -10,7 +10,7 @@ use kou_app::faults::{Code, FaultMemory, Snapshot};
 use kou_app::rig;
 use kou_app::storage::ram::Torn;
 use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError};
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;

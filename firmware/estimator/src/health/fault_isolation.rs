@@ -7,9 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::block::Terms;
-use crate::law::Law;
-use crate::reduced::ReducedModel;
+use super::averaging::Terms;
+use crate::model::flow_balance::ReducedModel;
+use crate::model::leakage_law::Law;
 
 /// A possible explanation of a deficit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

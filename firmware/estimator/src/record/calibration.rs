@@ -12,11 +12,8 @@
 
 use core::fmt;
 
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-use serde::{Deserialize, Serialize};
-
-use super::Calibration;
-use crate::sealed::{seal, unseal};
+use super::envelope::{RecordError, seal, unseal};
+use crate::calibration::Calibration;
 
 /// First four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"KOUC";
@@ -24,35 +21,6 @@ pub const MAGIC: [u8; 4] = *b"KOUC";
 pub const SCHEMA: u16 = 3;
 /// Bytes that always suffice for a record.
 pub const MAX_LEN: usize = 880;
-
-// Without a table: records are short and read seldom, and a table takes a kilobyte of flash.
-static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-
-/// CRC-32/ISO-HDLC, as used in records and for provenance.
-#[must_use]
-pub fn crc32(bytes: &[u8]) -> u32 {
-    CRC.checksum(bytes)
-}
-
-/// Why a record is refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum RecordError {
-    /// Fewer bytes than the header promises.
-    Truncated,
-    /// More bytes than the header promises.
-    Excess,
-    /// Not a calibration record at all.
-    Magic,
-    /// Written by a version whose schema this one does not read.
-    Schema(u16),
-    /// Damaged: the CRC does not match.
-    Crc,
-    /// The CRC matches, but the payload is not a calibration.
-    Payload,
-    /// The buffer is too small for the record.
-    Buffer,
-}
 
 impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -69,8 +37,6 @@ impl fmt::Display for RecordError {
         }
     }
 }
-
-impl core::error::Error for RecordError {}
 
 /// Writes the record into `buffer` and returns its length. [`MAX_LEN`] bytes always suffice.
 ///

@@ -10,7 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::root::square_root;
+use crate::model::sqrt::square_root;
 use crate::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 
 /// Coefficients and normalisers as they stand in a calibration. All coefficients are in (L/min)/MPa.

@@ -3,75 +3,13 @@
 //! The ranges are those of axial-piston units and mineral or synthetic oils, wide enough for any machine that the
 //! reduced model describes and narrow enough that a slip of unit (bar for MPa, K for degC) is caught.
 
-use core::fmt;
-
-use crate::calibration::{Calibration, Output};
-use crate::oil::{MAX_PRESSURE_MPA_ABS, MIN_PRESSURE_MPA_ABS, OilConfig};
-use crate::reduced::ReducedConfig;
-use crate::region::Direction;
-use crate::root::square_root;
+use super::configuration::{Calibration, Output};
+use super::error::{CalibrationError, consistent, in_range};
+use crate::model::calibrated_region::Direction;
+use crate::model::flow_balance::{ReducedConfig, ReducedModel};
+use crate::model::oil_compression::{Compression, MAX_PRESSURE_MPA_ABS, MIN_PRESSURE_MPA_ABS, OilConfig};
+use crate::model::sqrt::square_root;
 use crate::units::{Megapascal, MegapascalAbs};
-
-/// Why a calibration is refused. Names the field as it stands in the TOML form.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct CalibrationError {
-    /// Dotted name of the field, for instance `oil.bulk_modulus_mpa`.
-    pub field: &'static str,
-    /// What is wrong with it.
-    pub problem: Problem,
-}
-
-/// What is wrong with a field.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Problem {
-    /// NaN or infinite.
-    NotFinite,
-    /// Outside the allowed range.
-    OutOfRange {
-        /// The value.
-        value: f32,
-        /// Smallest allowed value.
-        min: f32,
-        /// Largest allowed value.
-        max: f32,
-    },
-    /// In range by itself, but contradicting another field.
-    Inconsistent(&'static str),
-}
-
-impl fmt::Display for CalibrationError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.problem {
-            Problem::NotFinite => write!(f, "`{}` is not a finite number", self.field),
-            Problem::OutOfRange { value, min, max } => {
-                write!(f, "`{}` is {value}; allowed: {min} to {max}", self.field)
-            }
-            Problem::Inconsistent(why) => write!(f, "`{}` is inconsistent: {why}", self.field),
-        }
-    }
-}
-
-impl core::error::Error for CalibrationError {}
-
-pub(crate) fn in_range(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), CalibrationError> {
-    if !value.is_finite() {
-        Err(CalibrationError { field, problem: Problem::NotFinite })
-    } else if value < min || value > max {
-        Err(CalibrationError { field, problem: Problem::OutOfRange { value, min, max } })
-    } else {
-        Ok(())
-    }
-}
-
-pub(crate) fn consistent(
-    field: &'static str,
-    holds: bool,
-    otherwise: &'static str,
-) -> Result<(), CalibrationError> {
-    if holds { Ok(()) } else { Err(CalibrationError { field, problem: Problem::Inconsistent(otherwise) }) }
-}
 
 /// Lowest gauge pressure that the oil's table covers, MPa.
 fn lowest_mpa() -> f32 {
@@ -274,4 +212,16 @@ pub fn all(c: &Calibration) -> Result<(), CalibrationError> {
     oil_over_temperature(c)?;
     limits(c)?;
     c.health.check()
+}
+
+impl ReducedModel {
+    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one exists.
+    ///
+    /// # Errors
+    /// The first field that is not finite or out of range.
+    pub fn new(reduced: &ReducedConfig, oil: &OilConfig) -> Result<Self, CalibrationError> {
+        self::oil(oil)?;
+        self::reduced(reduced)?;
+        Ok(Self::from_checked(*reduced, Compression::from_checked(oil)))
+    }
 }

@@ -14,8 +14,7 @@
 
 use core::fmt;
 
-use crate::calibration::record::RecordError;
-use crate::sealed::{seal, unseal};
+use super::envelope::{RecordError, seal, unseal};
 use crate::step::State;
 
 /// First four bytes of every record.

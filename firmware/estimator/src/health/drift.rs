@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ud::PARAMETERS;
+use super::ud_rls::PARAMETERS;
 
 /// Blocks over which the reference is averaged: some two hours of driving.
 const REFERENCE_BLOCKS: u16 = 4000;

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::HealthConfig;
+use crate::calibration::HealthConfig;
 
 /// What follows from the settings.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::block::Block;
-use super::steady::SteadyFilter;
-use crate::estimate::Reason;
+use super::averaging::Block;
+use super::r_statistic::SteadyFilter;
+use crate::reason::Reason;
 
 /// Why the gate is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,8 +102,8 @@ impl Gate {
 
 #[cfg(test)]
 mod tests {
+    use super::super::averaging::Terms;
     use super::*;
-    use crate::health::Terms;
     use crate::units::Micros;
 
     const MEAN: Terms = Terms {

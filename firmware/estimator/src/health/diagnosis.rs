@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Change;
-use super::signature::{CAUSES, Causes, Diagnosis, remaining, ruled_out_after};
-use super::trouble::Trouble;
-use super::ud::PARAMETERS;
+use super::fault_debounce::Trouble;
+use super::fault_isolation::{CAUSES, Causes, Diagnosis, remaining, ruled_out_after};
+use super::status::Change;
+use super::ud_rls::PARAMETERS;
 use crate::units::{Micros, Ratio};
 
 /// Blocks as before the change that end the suspicion of a sensor: some minutes.

@@ -17,8 +17,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::oil::{Compression, OilConfig};
-use crate::root::square_root;
+use crate::model::oil_compression::{Compression, OilConfig};
+use crate::model::sqrt::square_root;
 use crate::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,

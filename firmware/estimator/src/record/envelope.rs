@@ -1,9 +1,39 @@
 //! Binary records: magic, schema, length, payload in postcard's wire format, CRC-32/ISO-HDLC over all of it.
 
-use serde::Serialize;
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
-use crate::calibration::record::{RecordError, crc32};
+// Without a table: records are short and read seldom, and a table takes a kilobyte of flash.
+static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// CRC-32/ISO-HDLC, as used in records and for provenance.
+#[must_use]
+pub fn crc32(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
+/// Why a record is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RecordError {
+    /// Fewer bytes than the header promises.
+    Truncated,
+    /// More bytes than the header promises.
+    Excess,
+    /// Not a calibration record at all.
+    Magic,
+    /// Written by a version whose schema this one does not read.
+    Schema(u16),
+    /// Damaged: the CRC does not match.
+    Crc,
+    /// The CRC matches, but the payload is not a calibration.
+    Payload,
+    /// The buffer is too small for the record.
+    Buffer,
+}
+
+impl core::error::Error for RecordError {}
 
 const HEADER_LEN: usize = 8;
 const CRC_LEN: usize = 4;

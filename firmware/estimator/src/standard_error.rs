@@ -5,8 +5,8 @@
 //! derivatives and says what is neglected.
 
 use crate::calibration::SensorErrors;
-use crate::reduced::{Balance, OperatingPoint, ReducedModel};
-use crate::root::square_root;
+use crate::model::flow_balance::{Balance, OperatingPoint, ReducedModel};
+use crate::model::sqrt::square_root;
 use crate::units::{LeakageCoefficient, Ratio};
 
 /// Standard error of `kou`, which the inverse made of `ratio` at `at`.
