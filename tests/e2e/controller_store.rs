@@ -12,23 +12,24 @@ use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
-use kou_app::controller::note::{self, Note};
+use kou_app::calibration::CalibrationSource;
 use kou_app::controller::{
     Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
     SensorsMemory, run_estimate, run_publish, run_sample, run_store,
 };
-use kou_app::faults::{Code, FaultMemory};
+use kou_app::diagnostics::ResetCause;
+use kou_app::diagnostics::crash_log::{self, Note};
+use kou_app::diagnostics::{Code, FaultMemory};
 use kou_app::j1939::node::UPDATE;
-use kou_app::j1939::{CalibrationSource, Frame, Name, NameConfig, Node};
+use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{Input, NoCounts};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::ram::Torn;
-use kou_app::storage::{
-    HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store, StoredCalibration,
-};
+use kou_app::storage::{HealthRecord, Life, MIN_BYTES, StopNote, Store, StoredCalibration};
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, KeySource, Service, Session};
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::Micros;
@@ -272,7 +273,7 @@ fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
     let hours = read::<Life>(&first.flash).unwrap();
     assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
     let text = "index out of bounds at src/x.rs:12";
-    let note = Note { kind: note::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let note = Note { kind: crash_log::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
     // To the hardware it was a reset that was asked for.
     let begin = Begin { cause: ResetCause::Software, note: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);

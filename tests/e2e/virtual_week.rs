@@ -20,14 +20,16 @@ use kou_app::controller::{
     Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
     Publish, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
 };
-use kou_app::faults::FaultMemory;
+use kou_app::diagnostics::FaultMemory;
+use kou_app::diagnostics::ResetCause;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
-use kou_app::rig::{FLASH_LEN, FLASH_PAGE};
 use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, RamFlash, ResetCause, Store};
+use kou_app::storage::{HealthRecord, Life, Store};
 use kou_app::update::{NoKey, Service, Session};
+use kou_emulation::RamFlash;
+use kou_emulation::{FLASH_LEN, FLASH_PAGE};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 use kou_tests::{record_of, reference_calibration};

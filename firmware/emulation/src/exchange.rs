@@ -7,18 +7,12 @@
 //! on a vehicle uses it.
 
 use heapless::Vec;
-use kou_estimator::health::Health;
-use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Sample};
+use kou_app::controller::{NoEstimate, VitalsRead};
+use kou_app::diagnostics::{Note, ResetCause};
+use kou_app::sensors::pickup::MAX_EDGES;
+use kou_app::sensors::set::CHANNELS;
+use kou_estimator::{Estimate, Sample};
 use serde::{Deserialize, Serialize};
-
-use crate::controller::note::Note;
-use crate::controller::{NoEstimate, VitalsRead};
-use crate::j1939::publish;
-use crate::sensors::pickup::MAX_EDGES;
-use crate::sensors::set::CHANNELS;
-use crate::storage::ResetCause;
-use crate::update::{Key, TAG_LEN, mac};
 
 /// Bytes before a message: its length.
 pub const HEAD: usize = 2;
@@ -147,36 +141,6 @@ pub struct FromHost {
     pub can: Vec<CanFrame, MAX_CAN>,
     /// What to do.
     pub order: Order,
-}
-
-/// An estimate with one valid part and one that is not.
-pub(crate) fn example_estimate() -> Estimate {
-    Estimate {
-        time: Micros(0),
-        expected: Ok(Expected {
-            kou: LeakageCoefficient(0.08),
-            kou_se: LeakageCoefficient(0.002),
-            ratio: Ratio(0.95),
-            volumetric_efficiency: Ratio(0.95),
-            leakage: LitrePerMin(12.5),
-        }),
-        seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
-        health: Health::new(),
-    }
-}
-
-/// Frames of an estimate with one valid part and one that is not: what the target's code makes of it and what the host's makes
-/// of it are compared.
-#[must_use]
-pub fn example_frames() -> [[u8; 8]; 3] {
-    let estimate = example_estimate();
-    [publish::leakage(&estimate), publish::efficiency(&estimate), publish::validity(&estimate, 7)]
-}
-
-/// Authentication tag of a few bytes, to be compared in the same way.
-#[must_use]
-pub fn example_tag() -> Option<[u8; TAG_LEN]> {
-    mac::tag(&Key::new([7; 32]), 1, b"record")
 }
 
 /// Puts a message behind its length into `buffer`; the bytes to send, or nothing where it does not fit.

@@ -2,10 +2,13 @@
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+use kou_app::diagnostics::ResetCause;
+use kou_app::storage::{
+    BUFFER_LEN, Kind, Life, MIN_BYTES, Record, SetUpError, Store, StoreError, StoredCalibration,
+};
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::{RamFlashError, Torn};
 use serde::{Deserialize, Serialize};
-
-use super::ram::{RamFlashError, Torn};
-use super::*;
 
 const BYTES: usize = MIN_BYTES as usize;
 type Flash = RamFlash<BYTES, 2048>;

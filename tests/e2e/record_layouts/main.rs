@@ -10,7 +10,7 @@ mod shape;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::faults::FaultMemory;
+use kou_app::diagnostics::FaultMemory;
 use kou_app::storage::{HealthRecord, Life, Record, StopNote, UpdateCounter};
 use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, State, state_record};

@@ -7,14 +7,12 @@ use kou_estimator::Params;
 use kou_estimator::calibration::check::CalibrationError;
 use kou_estimator::calibration::{Calibration, MachineConfig, record};
 
-use super::kinds::{StoredCalibration, UpdateCounter};
-use super::store::{Store, StoreError};
-use crate::faults::Code;
-use crate::j1939::{CalibrationSource, CalibrationState};
-use crate::update::{Machine, Refusal};
+use super::identity::{CalibrationSource, CalibrationState, MachineIdentity};
+use crate::diagnostics::{Code, RejectReason};
+use crate::storage::{Store, StoreError, StoredCalibration, UpdateCounter};
 
 /// Where parameters are made: they are too large to be handed from one function to the next.
-pub trait Place {
+pub trait ParamsSlot {
     /// Makes the parameters of a calibration here, in the place of what was here before.
     ///
     /// # Errors
@@ -22,26 +20,26 @@ pub trait Place {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError>;
 }
 
-impl Place for Option<Params> {
+impl ParamsSlot for Option<Params> {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
         Params::replace(self, calibration)
     }
 }
 
-/// A calibration in use; its parameters lie in the [`Place`] that was given.
+/// A calibration in use; its parameters lie in the [`ParamsSlot`] that was given.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Live {
+pub struct LiveCalibration {
     /// Where it comes from, and its CRC.
     pub state: CalibrationState,
     /// The machine that it is for; updates must be for the same.
-    pub machine: Machine,
+    pub machine: MachineIdentity,
 }
 
 /// What a start found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Loaded {
+pub struct LoadedCalibration {
     /// The calibration to use; nothing when there is no good one at all.
-    pub live: Option<Live>,
+    pub live: Option<LiveCalibration>,
     /// Counter of the last accepted update. Where neither record of it can be read it is the largest there is: no update is
     /// taken then, because any could be an old one, until the workshop erases the storage.
     pub counter: u32,
@@ -57,8 +55,8 @@ pub(crate) fn crc_of(record: &[u8]) -> u32 {
 /// The machine of a record that passes every check.
 ///
 /// # Errors
-/// [`Refusal::Record`] or [`Refusal::Field`].
-pub(crate) fn checked(bytes: &[u8]) -> Result<Machine, Refusal> {
+/// [`RejectReason::Record`] or [`RejectReason::Field`].
+pub(crate) fn checked(bytes: &[u8]) -> Result<MachineIdentity, RejectReason> {
     prepared(bytes, None)
 }
 
@@ -66,7 +64,7 @@ pub(crate) fn checked(bytes: &[u8]) -> Result<Machine, Refusal> {
 // Not inlined: what it works with is large and would live in a task's memory for good. And the one place that
 // reads records, so that the code for that is there once.
 #[inline(never)]
-fn prepared(bytes: &[u8], place: Option<&mut dyn Place>) -> Result<Machine, Refusal> {
+fn prepared(bytes: &[u8], place: Option<&mut dyn ParamsSlot>) -> Result<MachineIdentity, RejectReason> {
     // By reference, since every copy of it is half a kilobyte.
     let decoded = decoded(bytes);
     let calibration = match &decoded {
@@ -77,27 +75,27 @@ fn prepared(bytes: &[u8], place: Option<&mut dyn Place>) -> Result<Machine, Refu
         Some(place) => place.make(calibration),
         None => Params::check(calibration),
     };
-    made.map_err(|_| Refusal::Field)?;
+    made.map_err(|_| RejectReason::Field)?;
     let MachineConfig { name, serial, .. } = &calibration.machine;
-    Ok(Machine { name: name.clone(), serial: serial.clone() })
+    Ok(MachineIdentity { name: name.clone(), serial: serial.clone() })
 }
 
 // Not inlined: what it takes would lie on the stack beside the parameters.
 #[inline(never)]
-fn decoded(bytes: &[u8]) -> Result<Calibration, Refusal> {
-    record::decode(bytes).map_err(|_| Refusal::Record)
+fn decoded(bytes: &[u8]) -> Result<Calibration, RejectReason> {
+    record::decode(bytes).map_err(|_| RejectReason::Record)
 }
 
-fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn Place) -> Option<Live> {
+fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn ParamsSlot) -> Option<LiveCalibration> {
     let machine = prepared(bytes, Some(place)).ok()?;
-    Some(Live { state: CalibrationState { source, crc: crc_of(bytes) }, machine })
+    Some(LiveCalibration { state: CalibrationState { source, crc: crc_of(bytes) }, machine })
 }
 
-impl Live {
+impl LiveCalibration {
     /// The calibration of a record that was just stored, its parameters in `place`; nothing when it is not one that passes every
     /// check.
     #[must_use]
-    pub fn stored(record: &[u8], place: &mut dyn Place) -> Option<Self> {
+    pub fn stored(record: &[u8], place: &mut dyn ParamsSlot) -> Option<Self> {
         live(record, CalibrationSource::Stored, place)
     }
 }
@@ -106,8 +104,8 @@ impl Live {
 pub async fn load<F: NorFlash>(
     store: &mut Store<F>,
     default: Option<&[u8]>,
-    place: &mut dyn Place,
-) -> Loaded {
+    place: &mut dyn ParamsSlot,
+) -> LoadedCalibration {
     let alone = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
     let stored = store.read::<StoredCalibration<'_>>().await;
     choose(stored, alone, default, place)
@@ -118,8 +116,8 @@ fn choose(
     stored: Result<Option<StoredCalibration<'_>>, StoreError>,
     alone: Result<Option<u32>, StoreError>,
     default: Option<&[u8]>,
-    place: &mut dyn Place,
-) -> Loaded {
+    place: &mut dyn ParamsSlot,
+) -> LoadedCalibration {
     let mut trouble = None;
     let known = alone.ok().flatten();
     // What is stored, if it is anything; an empty record says that the default is to be used.
@@ -144,5 +142,5 @@ fn choose(
     if found.is_none() {
         found = default.and_then(|bytes| live(bytes, CalibrationSource::Default, place));
     }
-    Loaded { live: found, counter, trouble }
+    LoadedCalibration { live: found, counter, trouble }
 }

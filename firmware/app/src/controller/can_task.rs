@@ -9,8 +9,9 @@ use kou_estimator::reading::Channel;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
 
-use super::{Controller, NoEstimate, Publish};
-use crate::faults::{Code, Snapshot};
+use super::publish::Publish;
+use super::shared::{Controller, NoEstimate};
+use crate::diagnostics::{Code, Snapshot};
 use crate::j1939::{DriveReadings, Frame, Node, Outputs, Received};
 use crate::log::info;
 
@@ -66,16 +67,6 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
     #[must_use]
     pub const fn dropped(&self) -> u32 {
         self.dropped
-    }
-
-    #[cfg(test)]
-    pub(super) const fn port(&self) -> &P {
-        &self.port
-    }
-
-    #[cfg(test)]
-    pub(super) const fn port_mut(&mut self) -> &mut P {
-        &mut self.port
     }
 
     fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
@@ -180,5 +171,107 @@ impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
 
     fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
         self.drive.as_ref().map_or(Reading::not_fitted(), |drive| drive.oil_temperature(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec;
+    use std::vec::Vec;
+
+    use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+
+    use super::*;
+    use crate::j1939::{Id, Name, NameConfig};
+
+    /// A bus in memory: what comes, what was sent, and how many more frames there is room for.
+    struct Line {
+        come: Vec<Frame>,
+        sent: Vec<Frame>,
+        room: usize,
+    }
+
+    impl CanPort for Line {
+        fn receive(&mut self) -> Option<Frame> {
+            self.come.pop()
+        }
+
+        fn send(&mut self, frame: &Frame) -> bool {
+            if self.sent.len() >= self.room {
+                return false;
+            }
+            self.sent.push(*frame);
+            true
+        }
+    }
+
+    type Shared = Controller<NoopRawMutex>;
+
+    fn bus(controller: &Shared, room: usize) -> Bus<'_, Line, NoopRawMutex> {
+        let name = Name::new(&NameConfig::transmission(1)).unwrap();
+        Bus::new(Line { come: Vec::new(), sent: Vec::new(), room }, Node::new(name, 0x8C), controller)
+    }
+
+    fn turn(bus: &mut Bus<'_, Line, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
+        let none = Err(NoEstimate::NoCalibration);
+        embassy_futures::block_on(bus.publish(Micros(ms * 1000), &none, sample));
+    }
+
+    #[test]
+    fn on_the_bus_it_claims_its_address_and_then_tells_also_that_it_has_nothing_to_tell() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        for ms in (0..3_000).step_by(10) {
+            turn(&mut bus, ms, None);
+        }
+        let sent = &bus.port.sent;
+        assert_eq!(sent.first().map(|frame| frame.id().pgn().get()), Some(60928), "address claimed");
+        assert!(sent.len() > 30 && sent.iter().all(|frame| frame.id().source() == 0x8C), "{}", sent.len());
+    }
+
+    #[test]
+    fn a_failed_sensor_is_an_active_trouble_until_it_heals_and_then_a_previous_one() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        let mut sample = Sample::empty(Micros(0));
+        sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
+        turn(&mut bus, 0, Some(&sample));
+        let code = Code::Sensor(Channel::PumpSpeed, Fault::Open);
+        assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
+        sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
+        turn(&mut bus, 10, Some(&sample));
+        assert!(controller.faults(|memory| memory.active().all(|entry| entry.code() != Some(code))));
+        assert!(controller.faults(|memory| memory.previous().any(|entry| entry.code() == Some(code))));
+    }
+
+    #[test]
+    fn a_silent_bus_is_a_trouble_after_five_seconds_and_one_frame_heals_it() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        let is_active =
+            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(Code::BusSilent)));
+        for ms in (0..=5_000).step_by(10) {
+            turn(&mut bus, ms, None);
+            assert!(!is_active(), "{ms}");
+        }
+        turn(&mut bus, 5_010, None);
+        assert!(is_active());
+        bus.port.come.push(Frame::new(Id::from_raw(0x0CF0_0203), [0xFF; 8]));
+        turn(&mut bus, 5_020, None);
+        assert!(!is_active());
+    }
+
+    #[test]
+    fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, 1);
+        bus.port.come = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];
+        for ms in (0..1_000).step_by(10) {
+            let before = bus.port.come.len();
+            turn(&mut bus, ms, None);
+            assert!(before - bus.port.come.len() <= 32);
+        }
+        assert_eq!(bus.port.sent.len(), 1);
+        assert!(bus.dropped() > 0);
     }
 }

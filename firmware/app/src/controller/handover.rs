@@ -11,10 +11,10 @@ use kou_estimator::calibration::check::CalibrationError;
 use kou_estimator::health::HealthState;
 use kou_estimator::{Calibration, Params, State};
 
-use super::trust::Trust;
-use crate::faults::FaultMemory;
-use crate::j1939::CalibrationState;
-use crate::storage::{HealthRecord, Place};
+use super::consistency::Trust;
+use crate::calibration::{CalibrationState, ParamsSlot};
+use crate::diagnostics::FaultMemory;
+use crate::storage::HealthRecord;
 
 /// What lies there.
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to box anything")]
@@ -67,7 +67,7 @@ impl Slot {
     }
 }
 
-impl Place for Slot {
+impl ParamsSlot for Slot {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
         *self = Self::Calibration(None, None);
         let made = match self {

@@ -5,8 +5,9 @@
 //! then are left out and counted, because catching up would only make the next one late as well.
 
 use embassy_time::{Duration, Instant, Timer};
+use kou_estimator::units::Micros;
 
-use super::vital::Vital;
+use super::task_stats::Vital;
 
 /// Pace of one task.
 #[derive(Debug)]
@@ -54,5 +55,38 @@ impl<'a> Pace<'a> {
         self.began = Some(now);
         self.vital.begins(now.saturating_duration_since(self.due));
         now
+    }
+}
+
+/// The clock of the tasks as the estimator states time.
+pub(super) fn now() -> Micros {
+    Micros(embassy_time::Instant::now().as_micros())
+}
+
+#[cfg(test)]
+mod tests {
+    use core::future::Future;
+    use core::pin::pin;
+    use core::task::{Context, Waker};
+
+    use embassy_time::MockDriver;
+
+    use super::super::task_stats::Vitals;
+    use super::*;
+
+    #[test]
+    fn jitter_is_the_longest_wait_from_due_to_begun() {
+        let vitals = Vitals::new();
+        let clock = MockDriver::get();
+        let mut pace = Pace::new(Instant::now(), Duration::from_millis(10), &vitals.publish);
+        for late_us in [0, 250, 40] {
+            let mut turn = pin!(pace.turn());
+            let mut context = Context::from_waker(Waker::noop());
+            assert!(turn.as_mut().poll(&mut context).is_pending());
+            let to_due = 10_000 - Instant::now().as_micros() % 10_000;
+            clock.advance(Duration::from_micros(to_due + late_us));
+            assert!(turn.as_mut().poll(&mut context).is_ready());
+        }
+        assert_eq!(vitals.publish.read().latest_us, 250);
     }
 }

@@ -5,7 +5,9 @@ use embassy_time::Instant;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 
-use super::{Controller, NoEstimate, PUBLISH_PERIOD, Pace, now};
+use super::periodic::{Pace, now};
+use super::periods::PUBLISH_PERIOD;
+use super::shared::{Controller, NoEstimate};
 
 /// Whoever is told: a CAN bus, a log.
 #[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]

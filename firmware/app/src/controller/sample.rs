@@ -3,7 +3,9 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 
-use super::{Controller, ESTIMATE_PERIOD, Pace, SAMPLE_PERIOD, now};
+use super::periodic::{Pace, now};
+use super::periods::{ESTIMATE_PERIOD, SAMPLE_PERIOD};
+use super::shared::Controller;
 use crate::log::warning;
 use crate::sensors::adc::{Adc, Input};
 use crate::sensors::pickup::Edges;

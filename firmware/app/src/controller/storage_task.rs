@@ -16,15 +16,17 @@ use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::{Megapascal, Micros};
 
-use super::exchange::Slot;
-use super::keep::{Due, KeepParams, Schedule};
-use super::note::{self, Note};
-use super::{Controller, Pace, STORE_PERIOD, now};
-use crate::apart::apart;
-use crate::faults::{Code, FaultMemory};
-use crate::j1939::CalibrationState;
+use super::handover::Slot;
+use super::periodic::{Pace, now};
+use super::periods::STORE_PERIOD;
+use super::shared::Controller;
+use super::write_schedule::{Due, KeepParams, Schedule};
+use crate::calibration::CalibrationState;
+use crate::diagnostics::crash_log;
+use crate::diagnostics::{Code, FaultMemory, Note, ResetCause};
 use crate::log::{info, warning};
-use crate::storage::{HealthRecord, Kind, Life, Record, ResetCause, StopNote, StoreError};
+use crate::outlined_await::await_outlined;
+use crate::storage::{HealthRecord, Kind, Life, Record, StopNote, StoreError};
 use crate::update::{Handled, KeySource, Service, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
@@ -63,7 +65,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         Self {
             service,
             schedule: Schedule::new(rates),
-            cause: note::cause_of(begin.cause, begin.note.as_ref()),
+            cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
             stop: begin.note.map(|note| StopNote { operating_s: 0, note }),
             life: Life::new(),
             least_difference: UNCALIBRATED_LEAST,
@@ -79,20 +81,20 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     }
 
     async fn open<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        let crc = apart!(self.load(controller));
+        let crc = await_outlined!(self.load(controller));
         // Learned health is for the calibration in use: that one first.
         while let Some(crc) = crc {
             let mut slot = controller.exchange.lock().await;
             if matches!(*slot, Slot::Empty) {
                 let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
-                apart!(self.service.store().read_to(to)).ok();
+                await_outlined!(self.service.store().read_to(to)).ok();
                 break;
             }
             drop(slot);
             Timer::after(GLANCE).await;
         }
         let to = |faults: &mut FaultMemory| controller.faults(|memory| memory.restore(faults));
-        apart!(self.service.store().read_to(to)).ok();
+        await_outlined!(self.service.store().read_to(to)).ok();
         if let Ok(Some(life)) = self.service.store().read().await {
             self.life = life;
         }
@@ -102,7 +104,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     /// Finds the calibration to use and hands it over; its CRC.
     async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
         let mut slot = controller.exchange.lock().await;
-        let opened = apart!(self.service.open(&mut *slot));
+        let opened = await_outlined!(self.service.open(&mut *slot));
         if let Some(code) = opened.trouble {
             controller.confirmed(code);
         }
@@ -135,10 +137,10 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     async fn take<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
         let loaded = controller.sample().is_none_or(|sample| is_loaded(&sample, self.least_difference));
         // An update takes the place of what has been learned and is to be written yet.
-        apart!(self.keep_told(controller));
+        await_outlined!(self.keep_told(controller));
         let mut slot = controller.exchange.lock().await;
         controller.set_writing(Some(Kind::Calibration));
-        let handled = apart!(self.service.receive(now(), tool, command, loaded, &mut *slot));
+        let handled = await_outlined!(self.service.receive(now(), tool, command, loaded, &mut *slot));
         controller.set_writing(None);
         if self.hand_over(&mut slot, handled.adopted).is_some() {
             self.written = None;
@@ -168,7 +170,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         answer(controller, &self.service.poll(now()));
         self.look_for_overruns(controller);
         // Asked for a second ago.
-        if apart!(self.keep_told(controller)) {
+        if await_outlined!(self.keep_told(controller)) {
             return;
         }
         // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
@@ -182,7 +184,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             Due::Nothing => {}
             Due::Faults => {
                 self.faults_changed = false;
-                apart!(self.keep_faults(controller));
+                await_outlined!(self.keep_faults(controller));
             }
             Due::Health => {
                 self.written = health;
@@ -229,7 +231,7 @@ async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
     record: &R,
 ) {
     controller.set_writing(Some(R::KIND));
-    let result = apart!(service.keep(record));
+    let result = await_outlined!(service.keep(record));
     controller.set_writing(None);
     told(controller, result);
 }

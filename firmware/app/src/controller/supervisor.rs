@@ -7,8 +7,10 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant};
 
-use super::vital::{Vital, Vitals};
-use super::{Controller, Pace, SUPERVISE_PERIOD};
+use super::periodic::Pace;
+use super::periods::SUPERVISE_PERIOD;
+use super::shared::Controller;
+use super::task_stats::{Vital, Vitals};
 use crate::log::warning;
 
 /// A watched task.
@@ -63,7 +65,7 @@ pub trait Watchdog {
     /// Starts the hardware's time anew.
     fn feed(&mut self);
 
-    /// Called once, when a task is overdue: leave a [note](super::note), the reset is near.
+    /// Called once, when a task is overdue: leave a [crash record](crate::diagnostics::crash_log), the reset is near.
     fn give_up(&mut self, task: Task);
 }
 

@@ -6,9 +6,9 @@
 
 use core::ops::Range;
 
-use crate::controller::note::Text;
+use super::crash_log::Text;
 
-/// Addresses that are told: what a [note](crate::controller::note) has room for.
+/// Addresses that are told: what a [note](crate::diagnostics::crash_log) has room for.
 const MOST: usize = 12;
 
 /// The program as the processor sees it, in Thumb code.
@@ -49,8 +49,8 @@ pub fn tell(text: &mut Text<'_>, addresses: impl Iterator<Item = u32>) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::crash_log::{self, Kind};
     use super::*;
-    use crate::controller::note::{self, Kind};
 
     /// `bl` at 0x100, `nop`s, `blx r3` at 0x10a, `b.w` at 0x10c.
     struct Code;
@@ -73,9 +73,9 @@ mod tests {
         let stack = [0x105, 0x104, 0x107, 0x10d, 0x111, 0x101, 0x103, 0x115, 0, 1, 3, 5, u32::MAX, 0x105];
         let found: std::vec::Vec<u32> = callers(&Code, stack.into_iter()).collect();
         assert_eq!(found, [0x105, 0x10d, 0x105]);
-        let mut memory = [0; note::LEN];
-        note::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, stack.into_iter())));
-        assert_eq!(note::take(&mut memory).unwrap().text, "called from 00000105 0000010d 00000105");
+        let mut memory = [0; crash_log::LEN];
+        crash_log::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, stack.into_iter())));
+        assert_eq!(crash_log::take(&mut memory).unwrap().text, "called from 00000105 0000010d 00000105");
     }
 
     #[test]
@@ -85,9 +85,9 @@ mod tests {
             let _ = is_behind_call(&Code, word);
         }
         let endless = core::iter::repeat(0x105);
-        let mut memory = [0; note::LEN];
-        note::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, endless)));
-        let text = note::take(&mut memory).unwrap().text;
+        let mut memory = [0; crash_log::LEN];
+        crash_log::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, endless)));
+        let text = crash_log::take(&mut memory).unwrap().text;
         assert_eq!(text.split(' ').count(), 2 + MOST, "a note has room for so many");
         assert!(text.ends_with(" 00000105"), "{text}");
     }

@@ -10,7 +10,7 @@ use core::fmt;
 use kou_estimator::calibration::record::crc32;
 use serde::{Deserialize, Serialize};
 
-use crate::storage::ResetCause;
+use super::reset_cause::ResetCause;
 
 /// Bytes to set aside.
 pub const LEN: usize = 160;
@@ -159,5 +159,73 @@ impl fmt::Write for Text<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         self.push(text);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::prelude::v1::*;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_note_survives_as_it_was_left_and_is_read_once() {
+        let mut memory = [0xA5; LEN];
+        for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
+            write(&mut memory, kind, |text| {
+                text.push("index out of bounds at src/x.rs:12");
+            });
+            let note = take(&mut memory).unwrap();
+            assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
+            assert_eq!(take(&mut memory), None);
+        }
+        // Too long: cut, and not within a character.
+        let long = ["y", &"ü".repeat(200)].concat();
+        write(&mut memory, Kind::Panic, |text| {
+            text.push(&long).push("x");
+        });
+        let note = take(&mut memory).unwrap();
+        assert!(note.text.len() >= LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
+    }
+
+    #[test]
+    fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+        let mut memory = [0xA5; LEN];
+        assert_eq!(supply_reset(has_survived(&memory)), ResetCause::PowerOn);
+        assert_eq!(take(&mut memory), None);
+        // It runs, and is reset without a note.
+        assert_eq!(supply_reset(has_survived(&memory)), ResetCause::BrownOut);
+        for bit in 0..LEN * 8 {
+            let mut forgetting = memory;
+            forgetting[bit / 8] ^= 1 << (bit % 8);
+            assert!(!has_survived(&forgetting), "bit {bit}");
+        }
+        write(&mut memory, Kind::Panic, |_| ());
+        assert!(has_survived(&memory), "a note has survived as well");
+    }
+
+    #[test]
+    fn every_single_wrong_bit_of_a_note_is_noticed() {
+        let mut memory = [0; LEN];
+        write(&mut memory, Kind::Overdue, |text| {
+            text.push("estimate");
+        });
+        for bit in 0..LEN * 8 {
+            let mut damaged = memory;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(take(&mut damaged), None, "bit {bit}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), LEN)) {
+            let mut memory = [0; LEN];
+            memory.copy_from_slice(&bytes);
+            prop_assert!(!has_survived(&memory));
+            prop_assert_eq!(take(&mut memory), None);
+        }
     }
 }

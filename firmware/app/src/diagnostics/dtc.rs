@@ -6,7 +6,7 @@
 use kou_estimator::{Channel, Fault};
 use serde::{Deserialize, Serialize};
 
-use crate::update::Refusal;
+use super::update_rejection::RejectReason;
 
 /// First SPN of the controller's own.
 const OWN: u32 = 520_192;
@@ -24,7 +24,7 @@ pub enum Code {
     /// A sensor, the displacement or the oil explains a change of what is seen.
     SensorSuspect,
     /// A calibration update was refused.
-    UpdateRefused(Refusal),
+    UpdateRefused(RejectReason),
     /// The stored calibration could not be read; the default is in use.
     CalibrationLost,
     /// The flash refused to be written or read.
@@ -71,7 +71,7 @@ impl Code {
                 .filter(|fault| *fault != Fault::NotFitted)
                 .map(move |fault| Self::Sensor(channel, fault))
         });
-        let refusals = Refusal::ALL.into_iter().map(Self::UpdateRefused);
+        let refusals = RejectReason::ALL.into_iter().map(Self::UpdateRefused);
         let others = [
             Self::Wear,
             Self::SensorSuspect,
@@ -192,7 +192,7 @@ mod tests {
             assert_eq!(Code::from_dtc(dtc), Some(code), "two codes share {dtc:?}");
             count += 1;
         }
-        assert_eq!(count, Channel::ALL.len() * (Fault::ALL.len() - 1) + Refusal::ALL.len() + 10);
+        assert_eq!(count, Channel::ALL.len() * (Fault::ALL.len() - 1) + RejectReason::ALL.len() + 10);
         assert_eq!(Code::from_dtc(Dtc { spn: 161, fmi: 11 }), None);
     }
 }

@@ -11,7 +11,7 @@ use kou_estimator::health::Stage;
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
-use super::code::{Code, Dtc, Lamp};
+use super::dtc::{Code, Dtc, Lamp};
 
 /// Troubles that the memory holds.
 pub const CAPACITY: usize = 12;
@@ -316,7 +316,7 @@ mod tests {
     use kou_estimator::{Channel, Fault, Reading};
 
     use super::*;
-    use crate::update::Refusal;
+    use crate::diagnostics::RejectReason;
 
     fn sensor(fault: Fault) -> Code {
         Code::Sensor(Channel::HighPressure, fault)
@@ -352,7 +352,7 @@ mod tests {
         memory.confirmed(sensor(Fault::Open), Snapshot::at(1));
         memory.happened(Code::Watchdog, Snapshot::at(2));
         for round in 0..10 {
-            for refusal in Refusal::ALL {
+            for refusal in RejectReason::ALL {
                 memory.happened(Code::UpdateRefused(refusal), Snapshot::at(10 + round));
             }
         }

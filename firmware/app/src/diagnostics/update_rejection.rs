@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
-pub enum Refusal {
+pub enum RejectReason {
     /// Another tool's transfer is under way.
     Busy = 1,
     /// The drive is loaded, or it is not known that it is not.
@@ -43,7 +43,7 @@ pub enum Refusal {
     NothingStored = 16,
 }
 
-impl Refusal {
+impl RejectReason {
     /// Every refusal, in the order of its numbers.
     pub const ALL: [Self; 16] = [
         Self::Busy,
@@ -100,7 +100,7 @@ impl Refusal {
     }
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for RejectReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Busy => "another tool's transfer is under way",
@@ -123,4 +123,4 @@ impl fmt::Display for Refusal {
     }
 }
 
-impl core::error::Error for Refusal {}
+impl core::error::Error for RejectReason {}

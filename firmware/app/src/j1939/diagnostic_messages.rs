@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::catalogue::{AMBER_LAMP, DTC_COUNT, DTC_FMI, DTC_METHOD, DTC_SPN_HIGH, DTC_SPN_LOW};
 use super::catalogue::{MALFUNCTION_LAMP, PROTECT_LAMP, RED_LAMP};
 use super::transport::MAX_LEN;
-use crate::faults::{Lamp, Trouble, Troubles};
+use crate::diagnostics::{Lamp, Trouble, Troubles};
 
 /// Which list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +60,7 @@ mod tests {
     use kou_estimator::{Channel, Fault};
 
     use super::*;
-    use crate::faults::{Code, FaultMemory, Snapshot};
+    use crate::diagnostics::{Code, FaultMemory, Snapshot};
 
     #[test]
     fn lists_agree_with_the_standard_layout() {

@@ -3,9 +3,8 @@
 use kou_estimator::health::HealthState;
 use serde::{Deserialize, Serialize};
 
-use super::record::{Kind, Record};
-use crate::controller::note::Note;
-use crate::faults::{Code, FaultMemory};
+use super::framing::{Kind, Record};
+use crate::diagnostics::{FaultMemory, Note, ResetCause};
 
 /// A calibration with the counter of the update that brought it: they are one record, so they cannot part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -75,41 +74,6 @@ impl HealthRecord {
 impl Record<'_> for FaultMemory {
     const KIND: Kind = Kind::Faults;
     const SCHEMA: u16 = 1;
-}
-
-/// Why the controller (re)started, as its hardware tells; a [note](crate::controller::note) may know better. On flash by
-/// position: append only.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ResetCause {
-    /// The supply came.
-    #[default]
-    PowerOn,
-    /// The supply fell below its limit.
-    BrownOut,
-    /// The watchdog.
-    Watchdog,
-    /// The firmware, on request.
-    Software,
-    /// The reset pin.
-    Pin,
-    /// The firmware stopped itself.
-    Panic,
-    /// The hardware does not say.
-    Unknown,
-}
-
-impl ResetCause {
-    /// The trouble that a start from this cause is, if any.
-    #[must_use]
-    pub const fn trouble(self) -> Option<Code> {
-        match self {
-            Self::BrownOut => Some(Code::BrownOut),
-            Self::Watchdog => Some(Code::Watchdog),
-            Self::Panic => Some(Code::Panic),
-            Self::PowerOn | Self::Software | Self::Pin | Self::Unknown => None,
-        }
-    }
 }
 
 /// Hours and restarts.

@@ -1,8 +1,8 @@
-//! Stack and program of this chip for [`kou_app::callers`].
+//! Stack and program of this chip for [`kou_app::diagnostics::backtrace`].
 
 use core::ops::Range;
 
-use kou_app::callers::Program;
+use kou_app::diagnostics::backtrace::Program;
 
 #[allow(unsafe_code, reason = "symbols of the linker, of which only the addresses are taken")]
 // SAFETY: cortex-m-rt's script defines them: beginning of the stack, which grows downwards; begin and end of the code.

@@ -10,28 +10,28 @@ use embassy_stm32::Peri;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use kou_app::callers::{callers, tell};
-use kou_app::controller::note::{self, Kind, Text};
 use kou_app::controller::{Begin, Task, Watchdog};
-use kou_app::storage::ResetCause;
+use kou_app::diagnostics::ResetCause;
+use kou_app::diagnostics::backtrace::{callers, tell};
+use kou_app::diagnostics::crash_log::{self, Kind, Text};
 
-use crate::callers::{self, Flash};
+use crate::backtrace::{self, Flash};
 
 /// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
 
 #[allow(unsafe_code, reason = "start-up must leave this memory alone, which its section says")]
 #[unsafe(link_section = ".uninit.note")]
-static mut NOTE: MaybeUninit<[u8; note::LEN]> = MaybeUninit::uninit();
+static mut NOTE: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
 
 /// The note's memory, for as long as the closure runs, which nothing can interrupt.
-fn with_note<R>(use_it: impl FnOnce(&mut [u8; note::LEN]) -> R) -> R {
+fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
     critical_section::with(|_| {
         #[allow(unsafe_code, reason = "the only reference to the note's memory")]
         // SAFETY: the single core runs this closure with interrupts off, and no other place names the static. Any bytes
         // are valid for an array of bytes; they come from before the reset, which the compiler cannot know, so the
         // address is hidden from it.
-        let memory = unsafe { &mut *core::hint::black_box((&raw mut NOTE).cast::<[u8; note::LEN]>()) };
+        let memory = unsafe { &mut *core::hint::black_box((&raw mut NOTE).cast::<[u8; crash_log::LEN]>()) };
         use_it(memory)
     })
 }
@@ -57,7 +57,7 @@ impl Watchdog for Keeper {
 
     fn give_up(&mut self, task: Task) {
         with_note(|memory| {
-            note::write(memory, Kind::Overdue, |text| {
+            crash_log::write(memory, Kind::Overdue, |text| {
                 text.push(task.name());
             })
         });
@@ -66,7 +66,7 @@ impl Watchdog for Keeper {
 
 /// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
 pub(crate) fn begin() -> Begin {
-    let (has_survived, note) = with_note(|memory| (note::has_survived(memory), note::take(memory)));
+    let (has_survived, note) = with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -75,7 +75,7 @@ pub(crate) fn begin() -> Begin {
         ResetCause::Software
     } else if flags.borrstf() {
         // Set at every power-on as well: the supply came through the brown-out threshold.
-        note::supply_reset(has_survived)
+        crash_log::supply_reset(has_survived)
     } else if flags.pinrstf() {
         ResetCause::Pin
     } else {
@@ -97,14 +97,14 @@ pub(crate) fn stop(why: &str) -> ! {
 
 fn leave(kind: Kind, tell: impl FnOnce(&mut Text<'_>)) -> ! {
     cortex_m::interrupt::disable();
-    with_note(|memory| note::write(memory, kind, tell));
+    with_note(|memory| crash_log::write(memory, kind, tell));
     SCB::sys_reset()
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // Who called; the texts and places of all panics would take 8 KB of flash.
-    leave(Kind::Panic, |text| tell(text, callers(&Flash, callers::stack())))
+    leave(Kind::Panic, |text| tell(text, callers(&Flash, backtrace::stack())))
 }
 
 #[allow(unsafe_code, reason = "an exception handler for hard faults must be declared unsafe")]
@@ -112,6 +112,6 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     leave(Kind::HardFault, |text| {
         text.push("at ").push_hex(frame.pc()).push(", ");
-        tell(text, [frame.lr()].into_iter().chain(callers(&Flash, callers::stack())))
+        tell(text, [frame.lr()].into_iter().chain(callers(&Flash, backtrace::stack())))
     })
 }

@@ -20,14 +20,15 @@ use embedded_storage_async::nor_flash::{
 use heapless::{Deque, Vec};
 use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
 use kou_app::j1939::{Frame, Id};
-use kou_app::rig::{
+use kou_app::sensors::pickup::Edges;
+use kou_app::sensors::set::CHANNELS;
+use kou_app::storage::Kind;
+use kou_app::update::{Key, KeySource};
+use kou_emulation::ram_flash;
+use kou_emulation::{
     Begin, CanFrame, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork, FromHost, MAX_LEN, Order,
     Said, ToHost, pack, unpack,
 };
-use kou_app::sensors::pickup::Edges;
-use kou_app::sensors::set::CHANNELS;
-use kou_app::storage::{Kind, ram};
-use kou_app::update::{Key, KeySource};
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Write};
 use static_cell::ConstStaticCell;
@@ -193,7 +194,7 @@ impl ReadNorFlash for Flash {
 }
 
 impl NorFlash for Flash {
-    const WRITE_SIZE: usize = ram::WORD;
+    const WRITE_SIZE: usize = ram_flash::WORD;
     const ERASE_SIZE: usize = FLASH_PAGE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashRefused> {
@@ -206,7 +207,7 @@ impl NorFlash for Flash {
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashRefused> {
         for (at, chunk) in (offset..).step_by(FLASH_CHUNK).zip(bytes.chunks(FLASH_CHUNK)) {
-            let words = u32::try_from(chunk.len() / ram::WORD).map_err(|_| FlashRefused)?;
+            let words = u32::try_from(chunk.len() / ram_flash::WORD).map_err(|_| FlashRefused)?;
             let bytes = Vec::from_slice(chunk).map_err(|_| FlashRefused)?;
             self.work(FlashWork::Write { offset: at, bytes })?;
             let at = at as usize;

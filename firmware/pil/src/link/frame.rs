@@ -10,7 +10,7 @@ use kou_estimator::calibration::record::crc32;
 use serde::{Deserialize, Serialize};
 
 use super::cobs::{self, Unstuffed, Unstuffer};
-use super::{CRC_LEN, MAX_BODY};
+use super::sizes::{CRC_LEN, MAX_BODY};
 
 /// What is wrong with a frame. On the wire by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -8,6 +8,7 @@
 pub mod cobs;
 pub mod frame;
 pub mod message;
+pub mod sizes;
 #[cfg(test)]
 mod tests;
 
@@ -16,18 +17,4 @@ pub use message::{
     Counts, ErrorKind, FieldProblem, Hello, PROTOCOL, Refusal, Request, Response, Status, decode_request,
     decode_response,
 };
-
-use kou_estimator::calibration::record;
-
-/// Bytes of CRC behind the payload.
-pub const CRC_LEN: usize = 4;
-/// Largest payload: a calibration record with its tag and its length.
-pub const MAX_PAYLOAD: usize = record::MAX_LEN + 8;
-/// Largest frame before stuffing: payload and CRC.
-pub const MAX_BODY: usize = MAX_PAYLOAD + CRC_LEN;
-/// Largest frame on the line, its closing zero included.
-pub const MAX_FRAME: usize = cobs::max_encoded_len(MAX_BODY) + 1;
-/// Largest payload of a response: a refusal that names a field and says why.
-pub const MAX_RESPONSE_PAYLOAD: usize = 192;
-/// Largest response on the line, its closing zero included.
-pub const MAX_RESPONSE_FRAME: usize = cobs::max_encoded_len(MAX_RESPONSE_PAYLOAD + CRC_LEN) + 1;
+pub use sizes::{CRC_LEN, MAX_BODY, MAX_FRAME, MAX_PAYLOAD, MAX_RESPONSE_FRAME, MAX_RESPONSE_PAYLOAD};

@@ -4,9 +4,10 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use kou_estimator::calibration::record;
 use kou_estimator::{Params, Sample, State, step};
 
-use super::{Answer, Board, Bus, Command};
+use super::board::Board;
+use super::channels::{Answer, Bus, Command};
 use crate::link::{ErrorKind, Hello, PROTOCOL, Response, Status};
-use crate::log::info;
+use crate::log::log;
 
 /// A calibration in use.
 struct Active {
@@ -30,7 +31,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(bus: &Bus<M>, board: &B) -> ! {
                 let params = bus.candidate.receive().await;
                 // Swapped between two samples, whole. The state belongs to the old calibration and goes with it.
                 active = Some(Active { crc, params, state: State::new() });
-                info!("calibration {=u32:08x} in use", crc);
+                log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
             Command::Refuse(refusal) => Response::CalibrationRefused(refusal),

@@ -3,9 +3,9 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
-use super::Bus;
+use super::channels::Bus;
 use crate::link::Counts;
-use crate::log::{info, warning};
+use crate::log::log;
 
 /// What the link is doing, as seen from one beat to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,12 +42,12 @@ pub async fn run_heartbeat<M: RawMutex>(bus: &Bus<M>, period: Duration) -> ! {
         let now = bus.counters.read();
         let present = Activity::between(&before, &now);
         if activity != Some(present) {
-            info!("link: {}, {=u32} samples so far", present, now.samples);
+            log!(info, "link: {}, {=u32} samples so far", present, now.samples);
             activity = Some(present);
         }
         let (refused, refused_before) = (now.frames_refused(), before.frames_refused());
         if refused != refused_before {
-            warning!("frames refused: {=u32} since the last beat", refused.saturating_sub(refused_before));
+            log!(warn, "frames refused: {=u32} since the last beat", refused.saturating_sub(refused_before));
         }
         before = now;
     }

@@ -8,9 +8,10 @@ use embedded_io_async::Read;
 use kou_estimator::Params;
 use kou_estimator::calibration::record;
 
-use super::{Bus, Command, LinkEnd};
+use super::channels::{Bus, Command};
+use super::link_end::LinkEnd;
 use crate::link::{ErrorKind, FrameDecoder, FrameError, Refusal, Request, decode_request};
-use crate::log::warning;
+use crate::log::log;
 
 /// Reads requests until the line ends. `chunk` is the buffer of one read.
 pub async fn run_link_in<M: RawMutex>(bus: &Bus<M>, line: &mut impl Read, chunk: &mut [u8]) -> LinkEnd {
@@ -53,7 +54,7 @@ async fn command<M: RawMutex>(bus: &Bus<M>, request: Result<Request<'_>, FrameEr
             }
             Err(refusal) => {
                 bus.counters.calibrations_refused.raise();
-                warning!("calibration refused");
+                log!(warn, "calibration refused");
                 Command::Refuse(refusal)
             }
         },

@@ -6,7 +6,8 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Write;
 
-use super::{Bus, LinkEnd, QUEUE_LEN};
+use super::channels::{Bus, QUEUE_LEN};
+use super::link_end::LinkEnd;
 use crate::link::{CRC_LEN, MAX_RESPONSE_FRAME, MAX_RESPONSE_PAYLOAD, Response, encode};
 
 /// Room for as many estimates as can wait; an estimate takes some 60 bytes.

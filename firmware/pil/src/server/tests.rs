@@ -15,6 +15,7 @@ use kou_estimator::units::Micros;
 
 use super::*;
 use crate::link::ErrorKind as ErrorKindOfLink;
+use crate::link::Response;
 use crate::link::{FrameDecoder, FrameError, MAX_BODY, MAX_FRAME, Request, decode_response, encode};
 
 struct TestBoard;
@@ -188,7 +189,6 @@ fn frames_of_shutting_down() -> Vec<u8> {
 
 #[test]
 fn the_heart_beats_as_time_passes_and_not_otherwise() {
-    let _clock = crate::clock_for_one_test();
     let bus = Bus::<NoopRawMutex>::new();
     let clock = MockDriver::get();
     let mut heartbeat = pin!(run_heartbeat(&bus, Duration::from_millis(100)));

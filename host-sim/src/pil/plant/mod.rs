@@ -23,8 +23,8 @@ mod verdict;
 use std::time::Instant;
 
 use kou_app::controller::VitalsRead;
-use kou_app::rig::{Begin, FromHost, Order};
-use kou_app::storage::ResetCause;
+use kou_app::diagnostics::ResetCause;
+use kou_emulation::{Begin, FromHost, Order};
 use kou_estimator::Calibration;
 use serde::Serialize;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use kou_app::rig::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
+use kou_emulation::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
 use tempfile::TempDir;
 
 use super::super::qemu::Qemu;

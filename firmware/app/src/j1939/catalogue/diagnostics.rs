@@ -1,7 +1,7 @@
 //! Sent: troubles (J1939-73).
 
-use super::{plain, state, with_spn};
-use crate::j1939::Pgn;
+use super::builders::{plain, state, with_spn};
+use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 const LAMP: &[(u32, &str)] = &[(0, "off"), (1, "on")];

@@ -17,14 +17,14 @@ use kou_app::controller::{
     run_publish, run_sample, run_store, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
-use kou_app::rig::{FLASH_LEN, MAX_LEN, ToHost};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
 use kou_app::storage::Store;
 use kou_app::update::{Service, Session};
+use kou_emulation::{FLASH_LEN, MAX_LEN, ToHost};
 use kou_estimator::units::Micros;
+use kou_qemu_mps2_an386::emulated::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
 use kou_qemu_mps2_an386::exit::Exit;
-use kou_qemu_mps2_an386::rig::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
 use static_cell::{ConstStaticCell, StaticCell};
 
