@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use kou_app::update::provision;
+use kou_emulation::provisioning;
 use kou_estimator::record;
 
 use super::Failure;
@@ -49,7 +50,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => None,
     };
-    let page = provision::page(key.as_ref(), record)
+    let page = provisioning::page(key.as_ref(), record)
         .ok_or_else(|| InputError::new("the calibration does not fit the page"))?;
     // By the controller's own reader: what it would take for an erased place must not leave production as a key.
     if let (Some(path), None) = (&args.key_file, provision::key(&page)) {

@@ -10,8 +10,8 @@ mod shape;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::faults::FaultMemory;
-use kou_app::storage::{HealthRecord, Life, Record, StopNote, UpdateCounter};
+use kou_app::diagnostics::FaultMemory;
+use kou_app::storage::{CrashReport, HealthRecord, Life, Record, UpdateCounter};
 use kou_estimator::{Calibration, State, record};
 use serde::Deserialize;
 use shape::Shape;
@@ -54,7 +54,7 @@ fn every_record_has_the_layout_that_its_schema_says() {
         of!(FaultMemory),
         of!(Life),
         of!(UpdateCounter),
-        of!(StopNote),
+        of!(CrashReport),
         compare("calibration_record", record::calibration::SCHEMA, &shape::of::<Calibration>()),
         compare("state_record", record::state::SCHEMA, &shape::of::<State>()),
     ];

@@ -1,7 +1,7 @@
 //! Outages of the supply: when they come, and whether what was kept is all there afterwards.
 
 use kou_app::controller::NoEstimate;
-use kou_app::faults::{Code, FaultMemory};
+use kou_app::diagnostics::{Code, FaultMemory};
 use kou_app::storage::Kind;
 use kou_estimator::record;
 use kou_estimator::units::Micros;

@@ -2,9 +2,9 @@
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
-use kou_app::rig::CanFrame;
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, Transfer};
+use kou_emulation::CanFrame;
 use kou_estimator::record;
 use kou_estimator::{Calibration, Params};
 use serde::Serialize;
