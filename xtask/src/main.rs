@@ -28,6 +28,7 @@ Usage: cargo xtask <command>
   test             everything: format, lints, docs, host tests, firmware builds, QEMU tests, panic paths, budgets
   budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
   arrows           forbidden dependencies between crates and modules (xtask/arrows.toml), and circles of imports
+  docs             links, paths, commands and names in README.md and docs/ against the sources
   stacks           which functions take the deepest stack: of the estimator, and of the vehicle's firmware by executor
   help             this text";
 
@@ -51,6 +52,7 @@ fn run(words: &[&str]) -> Result<ExitCode> {
         ["budgets"] => return budgets::run(false),
         ["budgets", "--json"] => return budgets::run(true),
         ["arrows"] => source_check::arrows(&Workspace::load()?)?,
+        ["docs"] => source_check::docs(&Workspace::load()?)?,
         ["stacks"] => budgets::stacks()?,
         [] | ["help" | "--help" | "-h"] => println!("{USAGE}"),
         other => bail!("`{}` is not a command of xtask\n\n{USAGE}", other.join(" ")),

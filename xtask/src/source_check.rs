@@ -13,6 +13,11 @@ pub fn arrows(workspace: &Workspace) -> Result<()> {
     run(workspace, "arrows")
 }
 
+/// Links, paths, commands and names in the documents.
+pub fn docs(workspace: &Workspace) -> Result<()> {
+    run(workspace, "docs")
+}
+
 fn run(workspace: &Workspace, check: &str) -> Result<()> {
     Run::cargo(&["build", "--quiet", "--bin", PROGRAM]).args(workspace.host_selection()).check()?;
     Run::new(workspace.target_dir.join("debug").join(PROGRAM), &[check]).check()

@@ -3,6 +3,8 @@
 //! Called by `cargo xtask arrows`, `names` and `terms`, and by `cargo xtask test`.
 
 mod arrows;
+mod docs;
+mod files;
 mod module_tree;
 mod packages;
 
@@ -25,7 +27,8 @@ fn main() -> ExitCode {
 fn run(args: &[&str]) -> Result<ExitCode> {
     let (complaints, summary) = match args {
         ["arrows"] => arrows::check_workspace()?,
-        other => bail!("`{}` is none of `arrows`, `names`, `terms`", other.join(" ")),
+        ["docs"] => docs::check_workspace()?,
+        other => bail!("`{}` is none of `arrows`, `docs`", other.join(" ")),
     };
     for complaint in &complaints {
         eprintln!("error: {complaint}\n");
