@@ -11,7 +11,7 @@ use crate::law::{Law, LawConfig};
 use crate::reduced::{OperatingPoint, ReducedModel};
 use crate::units::{Celsius, LeakageCoefficient, LitrePerMin, Megapascal, Ratio, RevPerMin};
 
-/// How health is learned and judged, unchecked. `docs/health.md` derives what each number does.
+/// How health is learned and judged, unchecked. `docs/health/theory.md` derives what each number does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HealthConfig {
