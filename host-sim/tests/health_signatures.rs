@@ -6,7 +6,7 @@
 mod support;
 
 use kou_estimator::health::Cause;
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
 use kou_identify::calibration::read_checked;

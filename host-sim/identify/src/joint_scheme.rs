@@ -6,8 +6,8 @@
 //! and the rest is fitted again. Last, the surrogate is fitted to the full model of the machine as identified.
 
 use kou_estimator::Params;
-use kou_estimator::law::LawErrorRoot;
-use kou_estimator::region::{Bound, RegionConfig};
+use kou_estimator::model::calibrated_region::{Bound, RegionConfig};
+use kou_estimator::model::leakage_law::LawErrorRoot;
 use kou_estimator::units::LeakageCoefficient;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Fits the ten coefficients of the law to coefficients of operating points (paper eqs. 9-18).
 
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::region::RegionConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawErrorRoot};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 use nalgebra::{DMatrix, DVector};
 

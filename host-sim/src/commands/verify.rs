@@ -3,7 +3,7 @@
 //! The lumped model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! The points fill the envelope, and the surrogate was fitted to none of them.
 
-use kou_estimator::reduced::OperatingPoint as EstimatorPoint;
+use kou_estimator::model::flow_balance::OperatingPoint as EstimatorPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;

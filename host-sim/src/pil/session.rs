@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use kou_app::link::{
+use kou_pil::link::{
     FrameDecoder, FrameError, Hello, MAX_BODY, MAX_FRAME, PROTOCOL, Request, Response, Status,
     decode_response, encode,
 };

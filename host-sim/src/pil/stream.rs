@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use kou_app::link::{Hello, Request, Response, Status};
 use kou_estimator::{Estimate, Sample};
+use kou_pil::link::{Hello, Request, Response, Status};
 
 use super::error::{ConsoleText, PilError};
 use super::options::PilOptions;

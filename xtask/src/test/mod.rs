@@ -11,7 +11,7 @@ use crate::budgets::{self, Limits};
 use crate::command::Run;
 use crate::firmware::{on_board, on_target};
 use crate::workspace::{TARGET, Workspace};
-use crate::{panic_path, setup};
+use crate::{panic_path, setup, source_check};
 use tally::Tally;
 
 /// What has passed and failed so far.
@@ -58,6 +58,8 @@ pub fn run() -> Result<ExitCode> {
     let mut report = Report { tally: Tally::default(), failed_stages: Vec::new() };
 
     report.check("format", || Run::cargo(&["fmt", "--all", "--check"]).check());
+    report.check("arrows between crates and modules", || source_check::arrows(&workspace));
+    report.check("documents against the sources", || source_check::docs(&workspace));
     // Firmware first: the end-to-end tests need its ELF.
     report.check("firmware builds, release", || build_firmware(&workspace, &["build", "--release"]));
     report.check("no panic path in the estimator", panic_path::absent);
@@ -86,7 +88,9 @@ pub fn run() -> Result<ExitCode> {
 
 /// Every firmware crate for its target: libraries with the firmware's profile, then each board.
 fn build_firmware(workspace: &Workspace, words: &[&str]) -> Result<()> {
-    on_target(words).args(["-p", "kou-estimator", "-p", "kou-app"]).check()?;
+    on_target(words)
+        .args(["-p", "kou-estimator", "-p", "kou-app", "-p", "kou-pil", "-p", "kou-emulation"])
+        .check()?;
     for board in workspace.below("firmware/boards") {
         on_board(board, words).check()?;
     }
@@ -96,8 +100,8 @@ fn build_firmware(workspace: &Workspace, words: &[&str]) -> Result<()> {
 /// Lints of what compiles for the target. In release, because that profile's build scripts and macros are there already.
 fn lint_firmware(workspace: &Workspace) -> Result<()> {
     let deny = ["--", "-D", "warnings"];
-    let libraries = ["clippy", "--release", "--target", TARGET, "-p", "kou-estimator", "-p", "kou-app"];
-    let mut checks = on_target(&libraries);
+    let libraries = ["-p", "kou-estimator", "-p", "kou-app", "-p", "kou-pil", "-p", "kou-emulation"];
+    let mut checks = on_target(&["clippy", "--release", "--target", TARGET]).args(libraries);
     for check in workspace.below("firmware/checks") {
         checks = checks.args(["-p", &check.name]);
     }

@@ -1,12 +1,12 @@
 //! Puts a calibration together: what the machine file says, what was fitted, and the sensors' declared errors.
 
 use kou_estimator::Calibration;
+use kou_estimator::calibration::HealthConfig;
 use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::LawConfig;
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::leakage_law::LawConfig;
+use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,

@@ -1,6 +1,6 @@
 //! CAN bus around the controller: random traffic of other nodes, and counts of all frames.
 
-use kou_app::rig::{CanFrame, MAX_CAN};
+use kou_emulation::{CanFrame, MAX_CAN};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;

@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use kou_app::controller::VitalsRead;
-use kou_app::rig::{Begin, FromHost, Order};
-use kou_app::storage::ResetCause;
+use kou_app::controller::TaskStatsSnapshot;
+use kou_app::diagnostics::ResetCause;
+use kou_emulation::{Begin, Order, TickReply};
 use kou_estimator::Calibration;
 use kou_lumped::machine::Machine;
 
@@ -82,7 +82,7 @@ struct ClosedLoop {
     outages: Outages,
     in_use: CalibrationTracker,
     /// Task statistics since the last start, and deadlines missed before it.
-    last: ([VitalsRead; 5], u32),
+    last: ([TaskStatsSnapshot; 5], u32),
     missed_before: u64,
 }
 
@@ -139,7 +139,7 @@ impl ClosedLoop {
             // On a full bus the tool has to wait as any node; its transfer then times out.
             can.push(frame).ok();
         }
-        controller.send(&FromHost {
+        controller.send(&TickReply {
             spi: request.spi.iter().map(|word| signals.answer(*word)).collect(),
             count: signals.count,
             pump: signals.pump,

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use kou_app::rig::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
+use kou_emulation::{Begin, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack};
 
 use super::emulated_flash::{EmulatedFlash, FlashOutcome};
 use crate::pil::error::PilError;
@@ -15,7 +15,7 @@ use crate::pil::qemu_link::QemuLink;
 #[derive(Debug)]
 pub enum ControllerEvent {
     /// Its next millisecond.
-    Tick(ToHost),
+    Tick(TickReport),
     /// Its supply has failed in the middle of a write to flash; nothing more follows.
     NoPower,
 }
@@ -44,8 +44,8 @@ impl EmulatedController {
     pub fn receive(&mut self, flash: &mut EmulatedFlash) -> Result<ControllerEvent, PilError> {
         loop {
             match self.next_message()? {
-                Said::Tick(message) => return Ok(ControllerEvent::Tick(message)),
-                Said::Flash { of, work } => match flash.execute(of, &work) {
+                FirmwareMessage::Tick(message) => return Ok(ControllerEvent::Tick(message)),
+                FirmwareMessage::Flash { of, work } => match flash.execute(of, &work) {
                     FlashOutcome::Answer(answer) => self.send_packed::<FlashDone>(&answer)?,
                     FlashOutcome::NoPower => {
                         self.link.kill();
@@ -56,7 +56,7 @@ impl EmulatedController {
         }
     }
 
-    fn next_message(&mut self) -> Result<Said, PilError> {
+    fn next_message(&mut self) -> Result<FirmwareMessage, PilError> {
         let since = Instant::now();
         loop {
             if let Some((message, used)) = unpack(&self.pending) {
@@ -73,7 +73,7 @@ impl EmulatedController {
     ///
     /// # Errors
     /// When the firmware has ended.
-    pub fn send(&mut self, message: &FromHost) -> Result<(), PilError> {
+    pub fn send(&mut self, message: &TickReply) -> Result<(), PilError> {
         self.send_packed(message)
     }
 
@@ -87,12 +87,12 @@ impl EmulatedController {
     /// # Errors
     /// When it does not end as ordered.
     pub fn stop(mut self, flash: &mut EmulatedFlash) -> Result<(), PilError> {
-        while !matches!(self.next_message()?, Said::Tick(_)) {
+        while !matches!(self.next_message()?, FirmwareMessage::Tick(_)) {
             // The run is over: the write under way is not judged any more, but must not be cut either.
             flash.power_on();
             self.send_packed::<FlashDone>(&None)?;
         }
-        self.send(&FromHost {
+        self.send(&TickReply {
             spi: heapless::Vec::new(),
             count: 0,
             pump: heapless::Vec::new(),

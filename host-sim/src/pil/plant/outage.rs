@@ -1,9 +1,9 @@
 //! Outages of the supply: their schedule, and the audit of the stored records afterwards.
 
 use kou_app::controller::NoEstimate;
-use kou_app::faults::{Code, FaultMemory};
+use kou_app::diagnostics::{Code, FaultMemory};
 use kou_app::storage::Kind;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
@@ -206,8 +206,9 @@ fn restored_level(calibration: &Calibration, kept: &StoredRecords) -> Option<f32
     // The parameters do not matter for the level that an empty sample gives.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
-    let mut buffer = [0; record::MAX_LEN];
-    let default = record::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
+    let mut buffer = [0; record::calibration::MAX_LEN];
+    let default =
+        record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
     let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
     let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
     if health.calibration_crc != crc {

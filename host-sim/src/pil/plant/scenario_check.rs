@@ -1,7 +1,7 @@
 //! Check of the firmware's outputs against the true state and the scenario's expectations.
 
 use kou_app::controller::NoEstimate;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::{Estimate, Reason, Sample};
 use serde::Serialize;
 
