@@ -1,57 +1,58 @@
-//! Which points to measure next: those that shrink the law's uncertainty most, per point.
+//! Experiment design: proposals of further bench points, ranked by the reduction of the law's standard error per point.
 //!
-//! From the covariance of a joint identification follows what it would be after further points, whatever they show
-//! (Bayesian D-optimal design, judged by the mean standard error of Kou over the measured points, which is what the user
-//! reads). Proposals are blocks as a bench runs them: one full-displacement point, or one displacement setting at two
-//! speeds and three pressures, since the first points at a new setting only pay for its unknown exact displacement.
+//! In a linear Gaussian model the posterior covariance after further points does not depend on their outcome (Bayesian
+//! experiment design: Chaloner and Verdinelli 1995). The criterion is the mean relative standard error of Kou over the
+//! measured points. Proposals are blocks as run on a bench: one point at full displacement, or one partial displacement at two
+//! speeds and three pressures, because the first points at a new displacement setting only determine its actual value.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::joint::{self, Prior, Row, Solution};
-use super::law_fit::{LawFit, TERMS, normalised, phi};
-use super::ratio_model::{OperatingPoint, ReducedRatio};
+use kou_lumped::OperatingPoint;
 use kou_records::InputError;
 
-/// One proposal.
+use crate::joint::{self, JointSolution, Observation, Prior};
+use crate::law_fit::LawFit;
+use crate::reduced_plant::ReducedPlant;
+
+/// Proposed block of bench points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
-    /// The points: r/min, MPa, degC, displacement.
+    /// Points: r/min, MPa, degC, displacement fraction.
     pub points: Vec<[f64; 4]>,
-    /// Mean relative standard error of Kou over the measured points as it is, in per cent.
+    /// Present mean relative standard error of Kou over the measured points, in per cent.
     pub kou_se_now_pct: f64,
-    /// The same after this block.
+    /// Mean relative standard error of Kou after this block, in per cent.
     pub kou_se_then_pct: f64,
     /// Standard error of the bulk modulus after this block, in per cent.
     pub bulk_se_then_pct: f64,
 }
 
-/// Proposals that are made.
+/// Number of proposals.
 const PROPOSALS: usize = 5;
 
-/// Proposes blocks of points, the best per point first.
+/// Proposes blocks of points, in ascending order of the standard error that they lead to.
 ///
 /// # Errors
-/// A machine that the estimator refuses.
-pub fn advise(
+/// A machine rejected by the estimator.
+#[doc(alias = "optimal design")]
+pub fn propose(
     measured: &[OperatingPoint],
     fit: &LawFit,
-    reduced: &ReducedRatio,
-    solution: &Solution,
+    reduced: &ReducedPlant,
+    solution: &JointSolution,
     prior: &Prior,
 ) -> Result<Vec<Proposal>, InputError> {
-    let kept: Vec<usize> =
-        (0..TERMS.len()).filter(|i| TERMS.get(*i).is_some_and(|t| !fit.dropped.contains(t))).collect();
-    let changed = reduced.with_change(solution.change())?;
-    let row = |[n, p, t, alpha]: [f64; 4]| {
-        let x = normalised(&fit.law, n, p, t);
-        let all = phi(x);
+    let law_terms = fit.determined_terms().len();
+    let identified = reduced.with_correction(solution.correction())?;
+    let predict = |[n, p, t, alpha]: [f64; 4]| {
         let at = OperatingPoint { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha };
-        let terms: Vec<f64> = kept.iter().map(|i| all[*i]).collect();
-        let kou: f64 = terms.iter().zip(&solution.unknowns).map(|(f, k)| f * k).sum();
-        // What would be measured: its error is relative to it.
-        Row { at, ratio: changed.ratio(&at, kou), x, phi: terms }
+        let mut point = Observation::new(fit, at, 0.0);
+        // The expected measurement, to which its error is relative.
+        point.ratio = identified.ratio(&at, point.kou(&solution.unknowns));
+        point
     };
-    let here: Vec<Row> = measured.iter().map(|a| row([a.n_p_rpm, a.p_h_mpa, a.t_b_c, a.alpha])).collect();
+    let present: Vec<Observation> =
+        measured.iter().map(|a| predict([a.n_p_rpm, a.p_h_mpa, a.t_b_c, a.alpha])).collect();
     let levels = |of: fn(&OperatingPoint) -> f64| {
         let low = measured.iter().map(of).fold(f64::INFINITY, f64::min);
         let high = measured.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
@@ -62,34 +63,34 @@ pub fn advise(
     let mut blocks: Vec<Vec<[f64; 4]>> = Vec::new();
     for t in temperatures {
         for alpha in [0.3, 0.45, 0.6, 0.8] {
-            let both = [speeds[0], speeds[2]];
-            blocks.push(both.iter().flat_map(|n| pressures.map(|p| [*n, p, t, alpha])).collect());
+            let extremes = [speeds[0], speeds[2]];
+            blocks.push(extremes.iter().flat_map(|n| pressures.map(|p| [*n, p, t, alpha])).collect());
         }
         for n in speeds {
             blocks.extend(pressures.map(|p| vec![[n, p, t, 1.0]]));
         }
     }
     let kou_se_now_pct = mean_se_pct(
-        &here,
+        &present,
         &solution.unknowns,
-        &(&solution.covariance_root * solution.covariance_root.transpose()),
+        &(&solution.covariance_factor * solution.covariance_factor.transpose()),
     );
     let mut proposals = Vec::new();
     for block in blocks {
-        let rows: Vec<Row> = block.iter().map(|p| row(*p)).collect();
-        let covariance = after(&rows, reduced, solution, prior)?;
-        let bulk = kept.len() + 1;
+        let rows: Vec<Observation> = block.iter().map(|p| predict(*p)).collect();
+        let covariance = posterior_covariance(&rows, reduced, solution, prior)?;
+        let bulk = law_terms + 1;
         proposals.push(Proposal {
             points: block,
             kou_se_now_pct,
-            kou_se_then_pct: mean_se_pct(&here, &solution.unknowns, &covariance),
+            kou_se_then_pct: mean_se_pct(&present, &solution.unknowns, &covariance),
             bulk_se_then_pct: 100.0 * covariance[(bulk, bulk)].max(0.0).sqrt(),
         });
     }
-    // Gain in information per point: the logarithm of the uncertainty adds up over points.
+    // Information gain per point: the logarithm of the standard error is additive over points.
     let gain = |p: &Proposal| (p.kou_se_then_pct / p.kou_se_now_pct).ln() / p.points.len() as f64;
     proposals.sort_by(|a, b| gain(a).total_cmp(&gain(b)));
-    // The best single point and the best block of a new setting answer different questions: neither may crowd out the other.
+    // Single points and blocks of a displacement setting determine different parameters: both kinds are proposed.
     let (single, block): (Vec<_>, Vec<_>) = proposals.into_iter().partition(|p| p.points.len() == 1);
     let mut best: Vec<Proposal> =
         block.into_iter().take(2).chain(single.into_iter().take(PROPOSALS - 2)).collect();
@@ -97,11 +98,12 @@ pub fn advise(
     Ok(best)
 }
 
-/// Covariance of the unknowns after measuring `rows`, by the update of a Kalman filter.
-fn after(
-    rows: &[Row],
-    reduced: &ReducedRatio,
-    solution: &Solution,
+/// Covariance of the unknowns after measuring `rows`, by the covariance update of the Kalman filter.
+#[doc(alias = "Kalman")]
+fn posterior_covariance(
+    rows: &[Observation],
+    reduced: &ReducedPlant,
+    solution: &JointSolution,
     prior: &Prior,
 ) -> Result<DMatrix<f64>, InputError> {
     let mut settings = solution.settings.clone();
@@ -111,15 +113,15 @@ fn after(
         settings.push(alpha);
         unknowns.push(0.0);
     }
-    // A new setting stands between the unknowns so far and the functions beside the law.
+    // A new setting is inserted between the unknowns of the solution and the discrepancy coefficients.
     let (known, added) = (solution.unknowns.len(), unknowns.len() - solution.unknowns.len());
-    let total = unknowns.len() + solution.beside.len();
-    let place = |i: usize| if i < known { i } else { i + added };
-    let before = &solution.covariance_root * solution.covariance_root.transpose();
+    let total = unknowns.len() + solution.discrepancy_coefficients.len();
+    let index = |i: usize| if i < known { i } else { i + added };
+    let before = &solution.covariance_factor * solution.covariance_factor.transpose();
     let mut covariance = DMatrix::zeros(total, total);
     for i in 0..before.nrows() {
         for j in 0..before.ncols() {
-            covariance[(place(i), place(j))] = before[(i, j)];
+            covariance[(index(i), index(j))] = before[(i, j)];
         }
     }
     for i in known..unknowns.len() {
@@ -129,16 +131,17 @@ fn after(
     let gain = &covariance * j.transpose();
     let innovation = &j * &gain + DMatrix::identity(rows.len(), rows.len());
     let Some(factor) = innovation.cholesky() else { return Ok(covariance) };
-    let change = &gain * factor.solve(&gain.transpose());
-    Ok(covariance - change)
+    let reduction = &gain * factor.solve(&gain.transpose());
+    Ok(covariance - reduction)
 }
 
-fn mean_se_pct(rows: &[Row], unknowns: &[f64], covariance: &DMatrix<f64>) -> f64 {
+/// Mean relative standard error of Kou over points, in per cent.
+fn mean_se_pct(rows: &[Observation], unknowns: &[f64], covariance: &DMatrix<f64>) -> f64 {
     let sum: f64 = rows
         .iter()
         .map(|row| {
             let f = DVector::from_row_slice(&row.phi);
-            let kou: f64 = row.phi.iter().zip(unknowns).map(|(f, k)| f * k).sum();
+            let kou = row.kou(unknowns);
             let law = covariance.view((0, 0), (f.len(), f.len()));
             (f.transpose() * law * &f)[(0, 0)].max(0.0).sqrt() / kou.abs().max(1e-6)
         })

@@ -1,56 +1,58 @@
-//! What an identification says: the calibration, and everything by which an engineer judges it.
+//! Result of an identification: the calibration and its diagnostics.
 
 use kou_estimator::{Calibration, Params, Reason};
 
-use super::joint::Solution;
-use super::law_fit::{LawFit, phi};
-use super::ratio_model::{Change, OperatingPoint};
-use super::surrogate::Surrogate;
-use kou_records::BenchPoint;
-use kou_records::InputError;
+use kou_lumped::OperatingPoint;
+use kou_records::{BenchPoint, InputError};
 
-/// One point with what was made of it.
+use crate::convert::estimator_point;
+use crate::joint::JointSolution;
+use crate::law_fit::LawFit;
+use crate::plant_model::MachineCorrection;
+use crate::surrogate::Surrogate;
+
+/// Bench point with its identified leakage and diagnostics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointResult {
-    /// The point.
+    /// Bench point.
     pub point: BenchPoint,
-    /// Leakage coefficient that explains its ratio.
+    /// Leakage coefficient from the measured ratio.
     pub kou: f64,
     /// Leakage coefficient by the law.
     pub kou_law: f64,
-    /// Standard error of the law here: coefficients and misfit.
+    /// Standard error of the law at the point: coefficients and misfit.
     pub kou_law_se: f64,
-    /// Speed ratio by the identified law, by the estimator's own code.
+    /// Speed ratio by the identified law, with the estimator's own code.
     pub ratio_by_law: f64,
-    /// Relative error of the ratio here by the law that the other points alone would have given.
+    /// Leave-one-out error: relative error of the ratio by the law fitted without this point.
     pub leave_one_out: f64,
-    /// Robust weight, 1 for a point that is believed.
+    /// Robust weight, 1 for an inlier.
     pub weight: f64,
-    /// Calls of the model that this point took; zero where the points were not solved one by one.
+    /// Model calls of this point; zero in the joint scheme.
     pub calls: u32,
 }
 
 impl PointResult {
-    /// Whether the point was given less than half its weight.
+    /// Whether the robust weight is below one half.
     #[must_use]
     pub fn is_outlier(&self) -> bool {
         self.weight < 0.5
     }
 }
 
-/// A point that was not used.
+/// Bench point that was not used.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Refusal {
-    /// The point.
+pub struct RejectedPoint {
+    /// Bench point.
     pub point: BenchPoint,
-    /// Why, as reports print it.
+    /// Reason, as printed in reports.
     pub reason: String,
-    /// The leak-free ratio at the point, where that is the reason.
+    /// Leak-free ratio at the point, if the measured ratio is above it.
     pub leak_free_ratio: Option<f64>,
 }
 
-impl Refusal {
-    /// A ratio that no leakage explains.
+impl RejectedPoint {
+    /// Point with a measured ratio above the leak-free ratio.
     #[must_use]
     pub fn above_leak_free(point: BenchPoint, leak_free_ratio: f64) -> Self {
         let reason = Reason::RatioAboveLeakFree.name().to_string();
@@ -58,21 +60,21 @@ impl Refusal {
     }
 }
 
-/// One quantity that was fitted.
+/// Fitted parameter.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Unknown {
-    /// Its name: a term of the law, `displacement`, `bulk_modulus` or `alpha_0.30`.
+pub struct FittedParameter {
+    /// Name: a term of the law, `displacement`, `bulk_modulus` or `alpha_0.30`.
     pub name: String,
-    /// Its value: a coefficient, or a relative change.
+    /// Value: a coefficient, or a relative correction.
     pub value: f64,
     /// Standard error.
     pub se: f64,
-    /// Standard error beforehand; nothing where nothing was known.
+    /// Prior standard error; `None` without prior knowledge.
     pub prior_se: Option<f64>,
 }
 
-impl Unknown {
-    /// Whether the points say more about it than was known beforehand.
+impl FittedParameter {
+    /// Whether the points determine the parameter: the standard error is below half the prior's.
     #[must_use]
     pub fn by_data(&self) -> bool {
         self.prior_se.is_none_or(|prior| self.se < 0.5 * prior)
@@ -82,64 +84,56 @@ impl Unknown {
 /// Result of an identification.
 #[derive(Debug, Clone)]
 pub struct Identification {
-    /// The calibration; it has passed the estimator's checks.
+    /// Calibration; has passed the estimator's checks.
     pub calibration: Calibration,
-    /// Law, region and dropped terms.
+    /// Law, calibrated region and dropped terms.
     pub fit: LawFit,
-    /// Points that were used.
+    /// Points used.
     pub points: Vec<PointResult>,
-    /// Points that were not.
-    pub refused: Vec<Refusal>,
+    /// Points rejected.
+    pub rejected: Vec<RejectedPoint>,
     /// Mean relative error of the ratio by the law, in per cent.
     pub ratio_error_mean_pct: f64,
-    /// What was fitted besides points' coefficients; empty for the two-step scheme.
-    pub unknowns: Vec<Unknown>,
-    /// Correlation of the unknowns, row by row.
+    /// Fitted parameters; empty for the two-step scheme.
+    pub parameters: Vec<FittedParameter>,
+    /// Correlation matrix of the parameters, row by row.
     pub correlation: Vec<Vec<f64>>,
-    /// Squared whitened residuals per degree of freedom; zero for the two-step scheme.
+    /// Reduced chi-squared: squared whitened residuals per degree of freedom; zero for the two-step scheme.
     pub chi2_per_freedom: f64,
-    /// How the machine was found to differ from its file.
-    pub change: Change,
-    /// The surrogate, where a full model was at hand.
+    /// Identified correction of the machine file.
+    pub correction: MachineCorrection,
+    /// Surrogate, if a plant model was given.
     pub surrogate: Option<Surrogate>,
-    /// Calls of the model, surrogate included.
+    /// Model calls, those of the surrogate included.
     pub model_calls: u32,
-    /// The joint fit behind the law; nothing for the two-step scheme.
-    pub solution: Option<Solution>,
+    /// Solution of the joint fit; `None` for the two-step scheme.
+    pub solution: Option<JointSolution>,
 }
 
-/// Refuses a table of which no point is left.
+/// Checks that points remain.
 ///
 /// # Errors
-/// When `used` is zero; the message quotes the first refusal.
-pub fn demand_points(used: usize, refused: &[Refusal]) -> Result<(), InputError> {
+/// When `used` is zero; the message names the first rejected point.
+pub fn require_points(used: usize, rejected: &[RejectedPoint]) -> Result<(), InputError> {
     if used > 0 {
         return Ok(());
     }
-    let Some(first) = refused.first() else { return Err(InputError::new("has no points")) };
+    let Some(first) = rejected.first() else { return Err(InputError::new("has no points")) };
     let line = first.point.line;
     Err(match first.leak_free_ratio {
         Some(leak_free) => InputError::new(format!(
             "every measured ratio is above the leak-free ratio, so no leakage explains it (is the machine file's \
-             displacement right?; line {line}: {} against {leak_free:.4})",
+             displacement correct?; line {line}: {} against {leak_free:.4})",
             first.point.ratio
         )),
         None => InputError::new(format!("no point could be used; line {line}: {}", first.reason)),
     })
 }
 
-/// Speed ratio by the calibrated law at a point, by the estimator's own code.
+/// Speed ratio by the calibrated law at a point, with the estimator's own code.
 #[must_use]
-#[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
 pub fn ratio_by_law(params: &Params, at: &OperatingPoint, low_mpa: f64) -> f64 {
-    use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
-    let point = kou_estimator::reduced::OperatingPoint {
-        pump_speed: RevPerMin(at.n_p_rpm as f32),
-        high_pressure: Megapascal(at.p_h_mpa as f32),
-        low_pressure: Megapascal(at.p_l_mpa.unwrap_or(low_mpa) as f32),
-        oil_temperature: Celsius(at.t_b_c as f32),
-        displacement: Ratio(at.alpha as f32),
-    };
+    let point = estimator_point(at, low_mpa);
     let law = params.law();
     let kou = law.evaluate(law.normalised(point.pump_speed, point.high_pressure, point.oil_temperature));
     f64::from(params.reduced().balance(&point).ratio(kou).get())
@@ -150,11 +144,4 @@ pub fn ratio_by_law(params: &Params, at: &OperatingPoint, low_mpa: f64) -> f64 {
 pub fn ratio_error_mean_pct(points: &[PointResult]) -> f64 {
     let sum: f64 = points.iter().map(|p| (p.ratio_by_law / p.point.ratio - 1.0).abs()).sum();
     100.0 * sum / points.len() as f64
-}
-
-/// Law in f64, for reports.
-#[must_use]
-pub fn evaluate(fit: &LawFit, point: &BenchPoint) -> f64 {
-    let x = super::law_fit::normalised(&fit.law, point.n_p_rpm, point.p_h_mpa, point.t_b_c);
-    super::law_fit::coefficients(&fit.law).iter().zip(phi(x)).map(|(k, f)| k * f).sum()
 }

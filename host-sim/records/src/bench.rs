@@ -42,7 +42,9 @@ pub fn read_bench(
     reference_displacement_cm3_per_rev: f64,
 ) -> Result<Vec<BenchPoint>, InputError> {
     let mut table = Table::open(path, mapping)?;
-    for quantity in [MeasuredQuantity::PumpSpeed, MeasuredQuantity::HighPressure, MeasuredQuantity::OilTemperature] {
+    for quantity in
+        [MeasuredQuantity::PumpSpeed, MeasuredQuantity::HighPressure, MeasuredQuantity::OilTemperature]
+    {
         if !table.has(quantity) {
             return Err(table.missing_column(&format!("`{}`", quantity.column())));
         }
@@ -50,7 +52,9 @@ pub fn read_bench(
     let measured = [MeasuredQuantity::Ratio, MeasuredQuantity::MotorSpeed, MeasuredQuantity::Flow]
         .into_iter()
         .find(|q| table.has(*q))
-        .ok_or_else(|| table.missing_column("`ratio`, `n_m_rpm` or `flow_l_min`; one of the three is needed"))?;
+        .ok_or_else(|| {
+            table.missing_column("`ratio`, `n_m_rpm` or `flow_l_min`; one of the three is needed")
+        })?;
     let mut points = Vec::new();
     while table.advance()? {
         let n_p_rpm = table.required(MeasuredQuantity::PumpSpeed)?;

@@ -56,7 +56,9 @@ pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
     match table.remove("schema") {
         Some(Value::Integer(found)) if found == i64::from(record::SCHEMA) => {}
         Some(_) => {
-            return Err(file.error_at("schema", "is not supported by this version").with_allowed(record::SCHEMA));
+            return Err(file
+                .error_at("schema", "is not supported by this version")
+                .with_allowed(record::SCHEMA));
         }
         None => {
             return Err(InputError::new("has no key `schema`")

@@ -39,15 +39,20 @@ impl LogReader {
     /// An unreadable file, or a missing column that every estimate needs.
     pub fn open(path: &Path, mapping: &Mapping) -> Result<Self, InputError> {
         let table = Table::open(path, mapping)?;
-        for quantity in
-            [MeasuredQuantity::Time, MeasuredQuantity::PumpSpeed, MeasuredQuantity::HighPressure, MeasuredQuantity::OilTemperature]
-        {
+        for quantity in [
+            MeasuredQuantity::Time,
+            MeasuredQuantity::PumpSpeed,
+            MeasuredQuantity::HighPressure,
+            MeasuredQuantity::OilTemperature,
+        ] {
             if !table.has(quantity) {
                 return Err(table.missing_column(&format!("`{}`", quantity.column())));
             }
         }
         if !table.has(MeasuredQuantity::MotorSpeed) && !table.has(MeasuredQuantity::Flow) {
-            return Err(table.missing_column("`n_m_rpm` and no column `flow_l_min`; one of the two is needed"));
+            return Err(
+                table.missing_column("`n_m_rpm` and no column `flow_l_min`; one of the two is needed")
+            );
         }
         Ok(Self { table })
     }

@@ -226,7 +226,9 @@ mod tests {
              t_b_c = \"TS1\"\n[constants]\nn_p_rpm = 1000.0\n",
         )
         .unwrap();
-        let Some(ColumnSource::Column(name, conversion)) = mapping.sources.get(&MeasuredQuantity::HighPressure) else {
+        let Some(ColumnSource::Column(name, conversion)) =
+            mapping.sources.get(&MeasuredQuantity::HighPressure)
+        else {
             panic!()
         };
         assert_eq!(name, "PS1");

@@ -97,10 +97,8 @@ impl Table {
                     required_column(name, &format!("the mapping names for {}", quantity.column()))?,
                     *conversion,
                 ),
-                None => {
-                    index(quantity.column())
-                        .map_or(CellLocation::Absent, |i| CellLocation::Column(i, UnitConversion::NONE))
-                }
+                None => index(quantity.column())
+                    .map_or(CellLocation::Absent, |i| CellLocation::Column(i, UnitConversion::NONE)),
             };
             locations.push((quantity, location));
         }

@@ -40,9 +40,8 @@ impl TomlFile {
     /// # Errors
     /// When the text is not TOML, with line and column.
     pub fn from_text(path: &Path, text: String) -> Result<Self, InputError> {
-        let document = Document::parse(text.clone()).map_err(|e| {
-            located(InputError::new(e.message().to_string()).at_file(path), &text, e.span())
-        })?;
+        let document = Document::parse(text.clone())
+            .map_err(|e| located(InputError::new(e.message().to_string()).at_file(path), &text, e.span()))?;
         Ok(Self { path: path.to_path_buf(), text, document })
     }
 

@@ -1,111 +1,54 @@
-//! Joint identification: law, displacement ratio, bulk modulus and partial displacement settings from all points at once.
-//!
-//! Weighted least squares in the ratio domain with prior knowledge of what the points may not separate, by Gauss and
-//! Newton with a singular value decomposition of every step's whitened Jacobian (never normal equations), and robust
-//! weights against outliers. Derivatives are the reduced model's; where a better model is at hand its ratio is what is
-//! fitted: it enters as a correction to the reduced model's ratio, made again at every new solution until it no longer
-//! changes. What no quadratic can follow is an unknown function beside the law ([`super::discrepancy`]); its size is what makes
-//! the points likeliest. `docs/identification.md` derives it and says what can be separated.
-//!
-//! Limits: unknowns are few (tens) and points some thousands; each displacement setting below full is one unknown.
-//!
-//! | file | duty |
-//! |---|---|
-//! | `linear` | the model and its derivatives about the present unknowns, each row over its standard error |
-//! | `stacked` | those rows and what is known beforehand as one least-squares problem, and its solution |
-//! | `search` | iterations to the solution, robust weights, choice of the function beside the law |
-//! | `solution` | what follows: errors, ratios from a fit without the point, sensitivities of hypothetical points |
+//! The joint fit: first fit without discrepancy, selection of the kernel, final fit.
 
-mod linear;
-mod search;
-mod solution;
-mod stacked;
-
-use super::discrepancy::{Basis, Shape};
-use super::ratio_model::{OperatingPoint, ReducedRatio};
 use kou_records::InputError;
-use linear::{Problem, settings_of};
-use search::Fitted;
 
-pub use solution::{Solution, sensitivities};
+use crate::discrepancy::{Basis, Kernel};
+use crate::joint::linear::{FitState, JointProblem, partial_settings};
+use crate::joint::observation::Observation;
+use crate::joint::prior::Prior;
+use crate::joint::solution::JointSolution;
+use crate::reduced_plant::ReducedPlant;
 
-/// What is known beforehand, all standard errors.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prior {
-    /// Relative, of the displacement ratio: tolerance of the machine file and systematic error of both speed sensors.
-    pub displacement: f64,
-    /// Relative, of the bulk modulus in the machine file.
-    pub bulk: f64,
-    /// Relative, of each displacement setting below full.
-    pub setting: f64,
-    /// Random error of a measured ratio, relative.
-    pub ratio: f64,
-    /// Random error of a measured pressure.
-    pub pressure_mpa: f64,
-    /// What neither the law nor a smooth function beside it follows of a real machine's leakage, relative: keeps no point
-    /// from being believed without limit.
-    pub misfit: f64,
-}
-
-impl Default for Prior {
-    fn default() -> Self {
-        Self { displacement: 0.02, bulk: 0.1, setting: 0.05, ratio: 3e-4, pressure_mpa: 0.03, misfit: 0.003 }
-    }
-}
-
-/// One measured point, with its row of the law's terms.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Where.
-    pub at: OperatingPoint,
-    /// Measured ratio.
-    pub ratio: f64,
-    /// Normalised speed, pressure and temperature.
-    pub x: [f64; 3],
-    /// The law's kept terms here.
-    pub phi: Vec<f64>,
-}
-
-/// Relative misfit in the first fit, which has no function beside the law: what a quadratic misses of a physical leakage.
+/// Relative misfit in the first fit, which has no discrepancy: error of a quadratic law for a physical leakage.
 const FIRST_MISFIT: f64 = 0.018;
-/// Choices of the function's shape at most; they agree after one or two.
-const CHOICES: usize = 3;
+/// Maximum number of kernel selections; they usually agree after one or two.
+const MAX_SELECTIONS: usize = 3;
 
-/// Fits; `correction` is what a better model's ratio is above the reduced model's, per row. An earlier solution for the same
-/// rows is a start, and its shape is kept.
+/// Fits all unknowns. `correction` is the difference between the ratios of plant model and reduced model, per row. An earlier
+/// solution for the same rows serves as start, and its kernel is reused.
 ///
 /// # Errors
-/// A change of the machine that the estimator refuses.
+/// A machine correction rejected by the estimator.
 pub fn fit(
-    rows: &[Row],
-    reduced: &ReducedRatio,
+    rows: &[Observation],
+    reduced: &ReducedPlant,
     correction: &[f64],
     prior: &Prior,
-    start: Option<&Solution>,
-) -> Result<Solution, InputError> {
-    let settings = settings_of(rows);
-    let kept = rows.first().map_or(0, |r| r.phi.len());
-    let named = kept + 2 + settings.len();
-    let problem = Problem { rows, reduced, correction, prior: *prior, settings: &settings, kept };
+    start: Option<&JointSolution>,
+) -> Result<JointSolution, InputError> {
+    let settings = partial_settings(rows);
+    let law_terms = rows.first().map_or(0, |r| r.phi.len());
+    let problem = JointProblem { rows, reduced, correction, prior: *prior, settings: &settings, law_terms };
     let points: Vec<[f64; 3]> = rows.iter().map(|r| r.x).collect();
-    let mut fitted = Fitted { unknowns: vec![0.0; named], weight: vec![1.0; rows.len()] };
-    let mut shape = Shape { size: 0.0, length: 1.0 };
-    let mut found;
+    let mut state = FitState { unknowns: vec![0.0; problem.parameters()], weight: vec![1.0; rows.len()] };
+    let mut kernel = Kernel::NONE;
+    let mut converged;
     if let Some(start) = start {
-        fitted.unknowns.clone_from(&start.unknowns);
-        shape = start.shape;
-        found = problem.converge(&mut fitted, &Basis::over(&points, shape.length), shape)?;
+        state.unknowns.clone_from(&start.unknowns);
+        kernel = start.kernel;
+        converged = problem.converge(&mut state, &Basis::over(&points, kernel.length_scale), kernel)?;
     } else {
         let first = Prior { misfit: prior.misfit.max(FIRST_MISFIT), ..*prior };
-        found = Problem { prior: first, ..problem }.converge(&mut fitted, &Basis::over(&[], 1.0), shape)?;
-        for _ in 0..CHOICES {
-            let chosen = problem.likeliest(&fitted, &points)?;
-            if chosen == shape {
+        converged =
+            JointProblem { prior: first, ..problem }.converge(&mut state, &Basis::over(&[], 1.0), kernel)?;
+        for _ in 0..MAX_SELECTIONS {
+            let selected = problem.select_hyperparameters(&state, &points)?;
+            if selected == kernel {
                 break;
             }
-            shape = chosen;
-            found = problem.converge(&mut fitted, &Basis::over(&points, shape.length), shape)?;
+            kernel = selected;
+            converged = problem.converge(&mut state, &Basis::over(&points, kernel.length_scale), kernel)?;
         }
     }
-    Ok(solution::of(&problem, fitted, found, shape))
+    Ok(JointSolution::new(&problem, state, converged, kernel))
 }

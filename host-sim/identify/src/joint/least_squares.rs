@@ -1,96 +1,98 @@
-//! Rows of the points and what is known beforehand as one least-squares problem, and its solution.
+//! Least-squares problem of one Gauss-Newton step: weighted rows of the points, augmented by one row for each prior.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::linear::Linear;
-use super::search::Fitted;
+use crate::joint::linear::{FitState, LinearisedModel};
 
-/// A stacked problem: weighted rows of the points, then one row for each unknown that is known beforehand. Columns are of
-/// one length, since their units are no reason for a bad condition.
-pub(super) struct Stacked {
-    whole: DMatrix<f64>,
-    right: DVector<f64>,
+/// Augmented least-squares problem with columns scaled to unit norm (van der Sluis 1969).
+pub(super) struct LeastSquares {
+    lhs: DMatrix<f64>,
+    rhs: DVector<f64>,
     scale: Vec<f64>,
 }
 
-/// One step to the solution, and what the points say about it.
-pub(super) struct Step {
+/// Gauss-Newton step with its statistics.
+pub(super) struct GaussNewtonStep {
     pub(super) delta: DVector<f64>,
-    pub(super) covariance_root: DMatrix<f64>,
-    /// Of every stacked row.
+    /// Factor `L` of the covariance `L L^T`.
+    pub(super) covariance_factor: DMatrix<f64>,
+    /// Leverage of every row, diagonal of the hat matrix.
     pub(super) leverage: Vec<f64>,
-    /// How far the unknowns are from a fit without the stacked row, a row for each.
-    pub(super) shift_without: DMatrix<f64>,
+    /// Leave-one-out shift of the unknowns, one row for each row of the problem (DFBETA: Belsley, Kuh and Welsch 1980).
+    pub(super) leave_one_out_shift: DMatrix<f64>,
     pub(super) condition_number: f64,
 }
 
-impl Stacked {
-    /// The rows of `linear` with the weights of a fit, and where its unknowns are from what is known beforehand.
-    pub(super) fn new(linear: &Linear, fitted: &Fitted, prior_se: &[f64]) -> Self {
+impl LeastSquares {
+    /// Problem of a linearised model with the weights and unknowns of a state, and prior standard errors.
+    pub(super) fn new(linear: &LinearisedModel, state: &FitState, prior_se: &[f64]) -> Self {
         let (n, count) = linear.jacobian.shape();
-        let known: Vec<usize> = (0..count).filter(|j| prior_se[*j].is_finite()).collect();
-        let mut whole = DMatrix::zeros(n + known.len(), count);
-        let mut right = DVector::zeros(n + known.len());
+        let with_prior: Vec<usize> = (0..count).filter(|j| prior_se[*j].is_finite()).collect();
+        let mut lhs = DMatrix::zeros(n + with_prior.len(), count);
+        let mut rhs = DVector::zeros(n + with_prior.len());
         for i in 0..n {
-            let root = fitted.weight[i].sqrt();
+            let root = state.weight[i].sqrt();
             for j in 0..count {
-                whole[(i, j)] = root * linear.jacobian[(i, j)];
+                lhs[(i, j)] = root * linear.jacobian[(i, j)];
             }
-            right[i] = root * linear.residual[i];
+            rhs[i] = root * linear.residual[i];
         }
-        for (k, j) in known.iter().enumerate() {
-            whole[(n + k, *j)] = 1.0 / prior_se[*j];
-            right[n + k] = -fitted.unknowns[*j] / prior_se[*j];
+        for (k, j) in with_prior.iter().enumerate() {
+            lhs[(n + k, *j)] = 1.0 / prior_se[*j];
+            rhs[n + k] = -state.unknowns[*j] / prior_se[*j];
         }
-        let scale: Vec<f64> = whole.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
+        let scale: Vec<f64> = lhs.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
         for (j, s) in scale.iter().enumerate() {
-            whole.column_mut(j).unscale_mut(*s);
+            lhs.column_mut(j).unscale_mut(*s);
         }
-        Self { whole, right, scale }
+        Self { lhs, rhs, scale }
     }
 
-    /// One Gauss-Newton step.
-    pub(super) fn solve(self) -> Step {
-        let Self { whole, right, scale } = self;
-        let svd = whole.svd(true, true);
-        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { unreachable!("both were asked for") };
+    /// Gauss-Newton step by singular value decomposition (Golub and Van Loan 2013, section 5.5).
+    pub(super) fn solve(self) -> GaussNewtonStep {
+        let Self { lhs, rhs, scale } = self;
+        let svd = lhs.svd(true, true);
+        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { unreachable!("both factors were requested") };
         let largest = svd.singular_values.max();
         let inverse: Vec<f64> =
             svd.singular_values.iter().map(|s| if *s > 1e-12 * largest { 1.0 / s } else { 0.0 }).collect();
-        let mut root = v_t.transpose();
+        let mut factor = v_t.transpose();
         for (k, inverse) in inverse.iter().enumerate() {
-            root.column_mut(k).scale_mut(*inverse);
+            factor.column_mut(k).scale_mut(*inverse);
         }
         for (j, s) in scale.iter().enumerate() {
-            root.row_mut(j).unscale_mut(*s);
+            factor.row_mut(j).unscale_mut(*s);
         }
-        let delta = &root * (u.transpose() * &right);
+        let delta = &factor * (u.transpose() * &rhs);
         let leverage: Vec<f64> = (0..u.nrows()).map(|i| u.row(i).norm_squared().min(1.0)).collect();
-        let mut shift_without = u * root.transpose();
+        let mut leave_one_out_shift = u * factor.transpose();
         for (i, h) in leverage.iter().enumerate() {
-            shift_without.row_mut(i).scale_mut(right[i] / (1.0 - h).max(1e-3));
+            leave_one_out_shift.row_mut(i).scale_mut(rhs[i] / (1.0 - h).max(1e-3));
         }
-        Step {
+        GaussNewtonStep {
             delta,
-            covariance_root: root,
+            covariance_factor: factor,
             leverage,
-            shift_without,
+            leave_one_out_shift,
             condition_number: largest / svd.singular_values.min().max(f64::MIN_POSITIVE),
         }
     }
 
-    /// Twice the negative logarithm of the problem's marginal likelihood, but for a constant and the rows' own errors: the
-    /// logarithm of the determinant of its normal matrix, and the squares that no choice of the unknowns removes.
-    pub(super) fn unlikelihood(self) -> f64 {
-        let (rows, columns) = self.whole.shape();
+    /// -2 log restricted likelihood, up to a constant and the rows' own variances (Patterson and Thompson 1971): `ln det` of the
+    /// normal matrix plus the residual sum of squares, both from a QR decomposition.
+    #[doc(alias = "restricted likelihood")]
+    #[doc(alias = "REML")]
+    #[doc(alias = "marginal likelihood")]
+    pub(super) fn neg2_log_reml(self) -> f64 {
+        let (rows, columns) = self.lhs.shape();
         if rows < columns {
             return f64::INFINITY;
         }
-        let qr = self.whole.qr();
-        let mut right = self.right;
-        qr.q_tr_mul(&mut right);
+        let qr = self.lhs.qr();
+        let mut rhs = self.rhs;
+        qr.q_tr_mul(&mut rhs);
         let determinant: f64 =
             qr.r().diagonal().iter().zip(&self.scale).map(|(r, s)| (r.abs() * s).ln()).sum();
-        2.0 * determinant + right.rows(columns, rows - columns).norm_squared()
+        2.0 * determinant + rhs.rows(columns, rows - columns).norm_squared()
     }
 }
