@@ -3,6 +3,7 @@
 use kou_estimator::law::{LawConfig, LawErrorRoot};
 use kou_estimator::region::RegionConfig;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
+use kou_records::BenchPoint;
 use nalgebra::{DMatrix, DVector};
 
 use crate::convert::single;
@@ -78,10 +79,10 @@ impl LawFit {
         (0..TERMS.len()).filter(|i| TERMS.get(*i).is_some_and(|t| !self.dropped.contains(t))).collect()
     }
 
-    /// Leakage coefficient by the law at a point, in f64.
+    /// Leakage coefficient by the law at a bench point, in f64.
     #[must_use]
-    pub fn kou(&self, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> f64 {
-        let x = normalised(&self.law, n_p_rpm, p_h_mpa, t_b_c);
+    pub fn kou(&self, point: &BenchPoint) -> f64 {
+        let x = normalised(&self.law, point.n_p_rpm, point.p_h_mpa, point.t_b_c);
         coefficients(&self.law).iter().zip(phi(x)).map(|(k, f)| k * f).sum()
     }
 }

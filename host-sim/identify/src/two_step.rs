@@ -82,7 +82,7 @@ pub fn identify(
         .into_iter()
         .map(|(point, solution)| {
             let at = operating_point(&point);
-            let kou_law = fit.kou(point.n_p_rpm, point.p_h_mpa, point.t_b_c);
+            let kou_law = fit.kou(&point);
             // With a plant model: misfit of the law, converted to the ratio with the reduced model's slope.
             let ratio_by_law = if model.is_some() {
                 solution.ratio + reduced.slope(&at) * at.alpha.signum() * (kou_law - solution.kou)

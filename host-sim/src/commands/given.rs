@@ -8,12 +8,14 @@ use std::path::{Path, PathBuf};
 use kou_estimator::{Calibration, Params};
 
 use super::Failure;
-use kou_identify::calibration::{self, SensorClass, Settings};
+use super::class_arg::ClassArg;
+use kou_identify::calibration::CalibrationSettings;
 use kou_identify::joint::Prior;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 use kou_records::Mapping;
-use kou_records::{BenchPoint, read_bench, without_repeats};
+use kou_records::calibration;
+use kou_records::{BenchPoint, read_bench, split_duplicates};
 
 /// Bench points, machine and prior knowledge.
 #[derive(Debug, clap::Args)]
@@ -44,7 +46,7 @@ pub struct Given {
     pub date: String,
     /// ISO 4409 class of the sensors on the controller, for the standard error of the coefficient seen.
     #[arg(long, value_enum, default_value = "A")]
-    pub class: SensorClass,
+    pub class: ClassArg,
 }
 
 /// The same, read and checked.
@@ -57,7 +59,7 @@ pub struct Read {
     /// Rows that repeat another one, with that one's line.
     pub repeated: Vec<(BenchPoint, u64)>,
     /// What the calibration says of its origin.
-    pub settings: Settings,
+    pub settings: CalibrationSettings,
     /// What is known beforehand.
     pub prior: Prior,
 }
@@ -74,11 +76,11 @@ impl Given {
             &mapping(self.map.as_deref())?,
             machine.reference_displacement_cm3_per_rev(),
         )?;
-        let (points, repeated) = without_repeats(points);
-        let settings = Settings {
+        let (points, repeated) = split_duplicates(points);
+        let settings = CalibrationSettings {
             serial: self.serial.clone(),
             date: self.date.clone(),
-            class: self.class,
+            class: self.class.into(),
             bench_crc32: crc32_of(&self.bench)?,
             machine_crc32: crc32_of(&self.machine)?,
         };

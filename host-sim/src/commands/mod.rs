@@ -1,5 +1,6 @@
 //! The commands of `host-sim`, one module each, and how they end.
 
+pub mod class_arg;
 pub mod dbc;
 pub mod evaluate;
 pub mod given;

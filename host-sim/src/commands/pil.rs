@@ -15,9 +15,9 @@ use super::{Failure, print_json, print_text, progress};
 use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
 use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
-use kou_identify::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
+use kou_records::calibration;
 use kou_records::{LogReader, LogRow};
 
 /// Streams a log through the firmware in QEMU and compares its estimates with the host's; or drives the controller's firmware
@@ -163,7 +163,7 @@ fn stream(
     Ok(Report {
         figures: summary.figures(),
         health: health.figures(params, &state),
-        rows_passed_over: log.passed_over(),
+        rows_passed_over: log.skipped_rows(),
         samples_per_s,
         mismatches,
         firmware_samples_per_s: samples_per_s,

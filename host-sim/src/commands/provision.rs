@@ -9,8 +9,8 @@ use kou_estimator::calibration::record;
 
 use super::Failure;
 use crate::update::read_key_bytes;
-use kou_identify::calibration;
 use kou_records::InputError;
+use kou_records::calibration;
 
 /// Writes the image of the provisioning page: the controller's key, and a calibration to begin with.
 ///

@@ -9,8 +9,8 @@ use serde::Serialize;
 use super::given::mapping;
 use super::{Failure, print_json, print_text, progress};
 use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
-use kou_identify::calibration;
 use kou_records::LogReader;
+use kou_records::calibration;
 
 /// Replays a log through the estimator.
 #[derive(Debug, clap::Args)]
@@ -87,7 +87,7 @@ fn replay(args: &Args, params: &Params) -> Result<Report, Failure> {
     }
     let samples_per_s = figures.samples as f64 / elapsed_s;
     let health = health.figures(params, &state);
-    Ok(Report { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
+    Ok(Report { figures, health, rows_passed_over: log.skipped_rows(), samples_per_s })
 }
 
 /// Figures for people.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::given::{Given, Read};
 use super::{Failure, print_text};
 use crate::report::{self, Study};
-use kou_identify::ratio_model::FullRatio;
+use kou_identify::LumpedPlant;
 use kou_records::InputError;
 
 /// Writes a report on bench points: one HTML file with plots, for mail and paper.
@@ -24,7 +24,7 @@ pub struct Args {
 /// Bad input, or a page that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let Read { machine, points, settings, prior, .. } = args.given.read()?;
-    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
+    let full = LumpedPlant::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let study =
         Study::new(&machine, &points, &settings, &full, &prior).map_err(|e| e.at_file(&args.given.bench))?;
     std::fs::write(&args.out, report::html(&machine, &study))

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::{Failure, print_text};
 use crate::update::{Addresses, candump, frames, read_key};
-use kou_identify::calibration;
 use kou_records::InputError;
+use kou_records::calibration;
 
 /// Writes the CAN frames that bring a calibration into a controller, as a log in candump's format.
 ///

@@ -1,7 +1,7 @@
 //! The charts of a report.
 
 use crate::synth::viscosity_mm2_s;
-use kou_identify::{Identification, evaluate, normalised, phi};
+use kou_identify::{Identification, normalised, phi};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 
@@ -109,7 +109,7 @@ fn law(joint: &Identification, n: f64, p: f64, t: f64) -> (f64, f64) {
         .sum();
     let misfit = f64::from(joint.fit.law.residual_se.get());
     let rest = f64::from(joint.fit.law.error_root.rest.get());
-    (evaluate(&joint.fit, &point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
+    (joint.fit.kou(&point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
 }
 
 /// Kou over speed at three temperatures, at two pressures: sections of the paper's surfaces, which paper can be read from.

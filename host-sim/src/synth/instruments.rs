@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
-use kou_identify::calibration::SensorClass;
+use kou_identify::SensorClass;
 
 /// Standard deviations of the random error of one reading.
 #[derive(Debug, Clone, Copy)]
