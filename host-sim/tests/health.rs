@@ -9,13 +9,13 @@ use host_sim::evaluate::{
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 use kou_estimator::{Calibration, State, record, step};
-use kou_identify::calibration::SensorClass;
+use kou_identify::SensorClass;
 use support::{Folder, calibrated};
 
 fn set_up() -> (TrialSettings, Calibration) {
     let folder = Folder::new();
     let out = calibrated(&folder, "B");
-    let (calibration, params) = kou_identify::calibration::read_checked(&out).unwrap();
+    let (calibration, params) = kou_records::calibration::read_checked(&out).unwrap();
     let law = &calibration.law;
     let limits = [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()];
     let class = SensorClass::B;

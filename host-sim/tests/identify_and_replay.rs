@@ -159,11 +159,11 @@ fn toml_and_record_convert_both_ways_without_loss() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
     identify(&folder, "cal.bin");
-    let from_toml = kou_identify::calibration::read(&folder.path("cal.toml")).unwrap();
-    let from_record = kou_identify::calibration::read(&folder.path("cal.bin")).unwrap();
+    let from_toml = kou_records::calibration::read(&folder.path("cal.toml")).unwrap();
+    let from_record = kou_records::calibration::read(&folder.path("cal.bin")).unwrap();
     assert_eq!(from_toml, from_record);
     let again = folder.path("again.toml");
-    kou_identify::calibration::write(&again, &from_record).unwrap();
+    kou_records::calibration::write(&again, &from_record).unwrap();
     assert_eq!(std::fs::read(again).unwrap(), std::fs::read(folder.path("cal.toml")).unwrap());
 }
 
@@ -171,7 +171,7 @@ fn toml_and_record_convert_both_ways_without_loss() {
 fn prop_every_finite_f32_survives_the_toml_form() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
-    let good = kou_identify::calibration::read(&folder.path("cal.toml")).unwrap();
+    let good = kou_records::calibration::read(&folder.path("cal.toml")).unwrap();
     // A multiplicative walk through the bit patterns: 20 000 values of every exponent and sign.
     let mut bits = 1_u32;
     let mut buffer = [0_u8; record::calibration::MAX_LEN];
@@ -187,9 +187,9 @@ fn prop_every_finite_f32_survives_the_toml_form() {
             let value = f32::from_bits(bits);
             *slot = if value.is_finite() { value } else { -0.0 };
         }
-        let text = kou_identify::calibration::to_toml(&calibration).unwrap();
+        let text = kou_records::calibration::to_toml(&calibration).unwrap();
         let file = kou_records::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
-        let back = kou_identify::calibration::from_toml(&file).unwrap();
+        let back = kou_records::calibration::from_toml(&file).unwrap();
         // By their records, so that the sign of zero counts.
         let length = record::calibration::encode(&calibration, &mut buffer).unwrap();
         let wanted = buffer[..length].to_vec();
@@ -309,7 +309,7 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
 }
 
 #[test]
-fn file_of_200_megabytes_is_refused_for_what_it_is() {
+fn file_of_200_megabytes_is_rejected_as_a_log() {
     use std::io::Write;
     let folder = Folder::new();
     let path = folder.path("huge.csv");

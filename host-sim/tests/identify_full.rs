@@ -1,4 +1,4 @@
-//! Identification with the full model, measured against the truth of synthetic benches.
+//! Identification with the lumped model, validated against the known leakage of synthetic benches.
 
 #[path = "support/bench.rs"]
 mod bench;
@@ -9,32 +9,31 @@ use bench::{
 };
 use host_sim::synth::Gaps;
 use kou_identify::joint::Prior;
-use kou_identify::ratio_model::{FullRatio, OperatingPoint, RatioModel};
-use kou_identify::secant::{self, Secant};
-use kou_identify::{Identification, joint_scheme, two_step};
+use kou_identify::secant::{self, SecantSettings};
+use kou_identify::{Identification, LumpedPlant, OperatingPoint, PlantModel, joint_scheme, two_step};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 use support::{Folder, json, root};
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
-    let full = FullRatio::new(machine).unwrap();
+    let full = LumpedPlant::new(machine).unwrap();
     joint_scheme::identify(machine, points, &settings(), Some(&full), prior).unwrap()
 }
 
 fn paper(machine: &Machine, points: &[BenchPoint]) -> Identification {
-    let full = FullRatio::new(machine).unwrap();
-    two_step::identify(machine, points, &settings(), Some(&full), &Secant::default()).unwrap()
+    let full = LumpedPlant::new(machine).unwrap();
+    two_step::identify(machine, points, &settings(), Some(&full), &SecantSettings::default()).unwrap()
 }
 
 #[test]
-fn val_case_study_takes_no_more_calls_than_the_paper_from_its_three_intervals() {
-    let full = FullRatio::new(&machine("reference.toml")).unwrap();
+fn val_case_study_needs_no_more_calls_than_the_paper_from_its_three_start_intervals() {
+    let full = LumpedPlant::new(&machine("reference.toml")).unwrap();
     let at = OperatingPoint { n_p_rpm: 999.23, p_h_mpa: 31.06, p_l_mpa: None, t_b_c: 58.24, alpha: 1.0 };
     let measured = full.solve(&at, 0.058).unwrap().ratio;
     for (start, published) in [([0.006, 0.09], 3), ([0.036, 0.039], 4), ([0.0015, 0.36], 3)] {
-        let coarse = Secant { tolerance: 5e-3, ..Secant::default() };
+        let coarse = SecantSettings { tolerance: 5e-3, ..SecantSettings::default() };
         let of_paper = secant::solve(&full, &at, measured, start, &coarse).unwrap();
-        let fine = secant::solve(&full, &at, measured, start, &Secant::default()).unwrap();
+        let fine = secant::solve(&full, &at, measured, start, &SecantSettings::default()).unwrap();
         println!(
             "{start:?}: {} calls at 0.5 % (Kou {:.4}), {} at 0.01 % (Kou {:.5})",
             of_paper.calls, of_paper.kou, fine.calls, fine.kou
@@ -48,10 +47,10 @@ fn val_case_study_takes_no_more_calls_than_the_paper_from_its_three_intervals() 
 #[test]
 fn val_noise_free_bench_every_point_converges_and_the_law_is_near_the_best_quadratic() {
     let machine = machine("reference.toml");
-    let bench = points(&machine, &FullRatio::new(&machine).unwrap(), false);
+    let bench = points(&machine, &LumpedPlant::new(&machine).unwrap(), false);
     let two_step = paper(&machine, &bench);
-    assert_eq!((two_step.points.len(), two_step.refused.len()), (45, 0));
-    // A tolerance of 1e-4 of ratio is 0.3 to 2.5 % of Kou over the grid; most points end far inside it.
+    assert_eq!((two_step.points.len(), two_step.rejected.len()), (45, 0));
+    // A tolerance of 1e-4 of ratio is 0.3 to 2.5 % of Kou over the grid; most points converge far below it.
     let worst =
         two_step.points.iter().map(|p| (p.kou / truth(&machine, &p.point) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 0.02, "{worst}");
@@ -69,9 +68,9 @@ fn val_noise_free_bench_every_point_converges_and_the_law_is_near_the_best_quadr
 }
 
 #[test]
-fn val_wrong_displacement_is_found_jointly_and_ruins_the_two_steps() {
+fn val_wrong_displacement_is_identified_by_the_joint_scheme_only() {
     let truly = machine("reference.toml");
-    let bench = points(&truly, &FullRatio::new(&truly).unwrap(), false);
+    let bench = points(&truly, &LumpedPlant::new(&truly).unwrap(), false);
     let mut two_step_worst: f64 = 0.0;
     for factor in [1.01, 0.99] {
         let file = truly.with_pump_displacement_factor(factor).unwrap();
@@ -79,7 +78,7 @@ fn val_wrong_displacement_is_found_jointly_and_ruins_the_two_steps() {
         let (mean, max) = kou_error_pct(&truly, &result);
         let by_steps = kou_error_pct(&truly, &paper(&file, &bench)).0;
         two_step_worst = two_step_worst.max(by_steps);
-        let found = result.change.displacement * factor - 1.0;
+        let found = result.correction.displacement * factor - 1.0;
         println!(
             "displacement {factor}: joint {mean:.2} % mean, {max:.1} % worst, found to {found:+.5}; two steps {by_steps:.1} %"
         );
@@ -90,14 +89,14 @@ fn val_wrong_displacement_is_found_jointly_and_ruins_the_two_steps() {
 }
 
 #[test]
-fn val_wrong_bulk_modulus_is_found_with_twelve_points_at_partial_displacement() {
+fn val_wrong_bulk_modulus_is_identified_with_twelve_points_at_partial_displacement() {
     let truly = machine("reference.toml");
-    let bench = points(&truly, &FullRatio::new(&truly).unwrap(), true);
+    let bench = points(&truly, &LumpedPlant::new(&truly).unwrap(), true);
     for factor in [0.9, 1.1] {
         let file = truly.with_bulk_modulus_factor(factor).unwrap();
         let exact = joint(&file, &bench, &Prior::default());
         let (mean, _) = kou_error_pct(&truly, &exact);
-        let found = exact.change.bulk * factor - 1.0;
+        let found = exact.correction.bulk * factor - 1.0;
         println!("bulk modulus {factor}: {mean:.2} % mean, found to {:.1} %", 100.0 * found);
         assert!(mean <= 4.0, "{mean}");
         let prior = Prior { ratio: 1e-3, ..Prior::default() };
@@ -111,11 +110,11 @@ fn val_wrong_bulk_modulus_is_found_with_twelve_points_at_partial_displacement() 
     }
 }
 
-/// Leakages that miss the best quadratic by as much as the shipped one does, from other shares of the three gaps.
+/// Leakages with the same misfit to a quadratic as the shipped one, from other shares of the three gaps.
 #[test]
 fn val_other_leakages_of_the_same_misfit_are_identified_as_well() {
     let truly = machine("reference.toml");
-    let full = FullRatio::new(&truly).unwrap();
+    let full = LumpedPlant::new(&truly).unwrap();
     let shipped = Gaps::default();
     for gaps in [
         Gaps {
@@ -145,14 +144,14 @@ fn val_other_leakages_of_the_same_misfit_are_identified_as_well() {
             "best quadratic {:.2} %; joint {:.2} %; displacement wrong {:.2} %; bulk modulus wrong {:.2} %, with noise {:.2} %",
             best.mean, exact.mean, displaced.mean, softened.mean, noisy.mean
         );
-        // The limits of the shipped leakage; noise of one draw scatters by a third about its mean.
+        // Limits of the shipped leakage; the noise of one draw scatters by a third around its mean.
         assert!(best.mean > 1.5 && exact.mean <= 3.0 && displaced.mean <= 3.5);
         assert!(softened.mean <= 4.0 && noisy.mean <= 8.0);
     }
 }
 
 #[test]
-fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
+fn val_class_a_bench_has_a_smaller_ratio_error_than_the_paper_and_the_constant() {
     let folder = Folder::new();
     let machine = machine("reference.toml");
     let out = folder.path("cal.toml");
@@ -175,7 +174,7 @@ fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
         .collect();
     assert_eq!(chosen.len(), 3);
     let constant = chosen.iter().sum::<f64>() / 3.0;
-    let full = FullRatio::new(&machine).unwrap();
+    let full = LumpedPlant::new(&machine).unwrap();
     let by_constant = 100.0 / rows.len() as f64
         * rows
             .iter()
@@ -198,7 +197,7 @@ fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
 }
 
 #[test]
-fn val_verify_holds_its_limits_on_both_machines() {
+fn val_verify_passes_on_both_machines_and_fails_with_a_wrong_surrogate() {
     let folder = Folder::new();
     for name in ["reference", "seven-piston"] {
         let file = format!("host-sim/machines/{name}.toml");
@@ -218,7 +217,7 @@ fn val_verify_holds_its_limits_on_both_machines() {
         );
         assert!(report["points"].as_u64().unwrap() >= 190);
         assert!(report["worst"]["alpha"].is_number());
-        // A surrogate that was not fitted is told from one that was.
+        // A surrogate with a wrong constant fails.
         let text = std::fs::read_to_string(cal).unwrap();
         let line = text.lines().find(|l| l.starts_with("leaking_chambers = ")).unwrap();
         let chambers: f64 = line.rsplit(' ').next().unwrap().parse().unwrap();
@@ -231,14 +230,14 @@ fn val_verify_holds_its_limits_on_both_machines() {
 }
 
 #[test]
-fn interrupted_identification_resumes_and_ends_with_the_same_calibration() {
+fn interrupted_identification_resumes_with_the_same_calibration() {
     let folder = Folder::new();
-    let (whole, cut) = (folder.path("whole.toml"), folder.path("cut.toml"));
+    let (complete, cut) = (folder.path("complete.toml"), folder.path("cut.toml"));
     let arguments = |out: &std::path::Path| -> Vec<String> {
-        let words = "identify --bench tests/data/bench_45.csv --machine host-sim/machines/reference.toml --model full --out";
-        words.split(' ').map(String::from).chain([out.to_str().unwrap().to_string()]).collect()
+        let arguments = "identify --bench tests/data/bench_45.csv --machine host-sim/machines/reference.toml --model full --out";
+        arguments.split(' ').map(String::from).chain([out.to_str().unwrap().to_string()]).collect()
     };
-    assert!(support::host_sim(arguments(&whole)).status.success());
+    assert!(support::host_sim(arguments(&complete)).status.success());
     let partial = folder.path("cut.partial");
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_host-sim"))
         .args(arguments(&cut))
@@ -253,8 +252,8 @@ fn interrupted_identification_resumes_and_ends_with_the_same_calibration() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(!cut.exists() && lines() >= 20, "it ended before it was interrupted");
+    assert!(!cut.exists() && lines() >= 20, "it finished before it was interrupted");
     assert!(support::host_sim(arguments(&cut)).status.success());
     assert!(!partial.exists());
-    assert_eq!(std::fs::read(whole).unwrap(), std::fs::read(cut).unwrap());
+    assert_eq!(std::fs::read(complete).unwrap(), std::fs::read(cut).unwrap());
 }

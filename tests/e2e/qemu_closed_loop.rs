@@ -13,7 +13,7 @@ use host_sim::pil::{PilError, PilOptions};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::SensorErrors;
 use kou_estimator::units::{Celsius, Ratio};
-use kou_identify::calibration;
+use kou_records::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::TomlFile;
 use kou_tests::{record_of, set_up};

@@ -1,4 +1,4 @@
-//! The whole identification of the shipped 45 points with the full model: joint scheme with surrogate, and the paper's.
+//! Identification of the shipped 45 points with the lumped model: joint scheme with surrogate, and the paper's scheme.
 //!
 //! Target: 3 s on two cores for either.
 
@@ -6,14 +6,12 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use kou_identify::calibration::{SensorClass, Settings};
+use kou_identify::calibration::CalibrationSettings;
 use kou_identify::joint::Prior;
-use kou_identify::ratio_model::FullRatio;
-use kou_identify::secant::Secant;
-use kou_identify::{joint_scheme, two_step};
+use kou_identify::secant::SecantSettings;
+use kou_identify::{LumpedPlant, SensorClass, joint_scheme, two_step};
 use kou_lumped::machine::Machine;
-use kou_records::Mapping;
-use kou_records::read_bench;
+use kou_records::{Mapping, read_bench};
 
 fn identify(c: &mut Criterion) {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -24,8 +22,8 @@ fn identify(c: &mut Criterion) {
         machine.reference_displacement_cm3_per_rev(),
     )
     .unwrap_or_else(|e| panic!("{e}"));
-    let full = FullRatio::new(&machine).unwrap_or_else(|e| panic!("{e}"));
-    let settings = Settings {
+    let full = LumpedPlant::new(&machine).unwrap_or_else(|e| panic!("{e}"));
+    let settings = CalibrationSettings {
         serial: String::new(),
         date: String::new(),
         class: SensorClass::A,
@@ -48,8 +46,13 @@ fn identify(c: &mut Criterion) {
     });
     group.bench_function("paper", |b| {
         b.iter(|| {
-            let result =
-                two_step::identify(&machine, black_box(&points), &settings, Some(&full), &Secant::default());
+            let result = two_step::identify(
+                &machine,
+                black_box(&points),
+                &settings,
+                Some(&full),
+                &SecantSettings::default(),
+            );
             result.unwrap_or_else(|e| panic!("{e}"))
         });
     });

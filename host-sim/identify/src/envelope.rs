@@ -1,11 +1,13 @@
-//! A space-filling set of operating points over the envelope in which reduced and full model are compared.
+//! Low-discrepancy set of operating points over an envelope, for fitting and validating the surrogate.
 //!
-//! Halton's sequence, so that the first n points fill the envelope for every n and two sets that begin at different
-//! indices share no point. Kou is spread evenly from its smallest value to what takes the allowed share of the flow.
+//! Halton sequence (Halton 1960) with the bases 2, 3, 5, 7 and 11: the first n points fill the envelope for every n, and sets
+//! with different start indices have no common point. Kou is uniform from its minimum to a maximum share of the pump flow.
 
-use super::ratio_model::{OperatingPoint, ReducedRatio};
+use kou_lumped::OperatingPoint;
 
-/// Ranges of operating points.
+use crate::reduced_plant::ReducedPlant;
+
+/// Ranges of operating points and leakage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Envelope {
     /// Pump speed, r/min.
@@ -18,7 +20,7 @@ pub struct Envelope {
     pub alpha: [f64; 2],
     /// Leakage coefficient, (L/min)/MPa.
     pub kou: [f64; 2],
-    /// Largest share of the pump's flow that leakage takes.
+    /// Maximum leakage as a share of the pump flow.
     pub leakage_share: f64,
 }
 
@@ -35,7 +37,7 @@ impl Default for Envelope {
     }
 }
 
-/// Halton's radical inverse, 0 to 1.
+/// Radical inverse of an index (van der Corput sequence in the given base), 0 to 1.
 fn radical_inverse(mut index: u32, base: u32) -> f64 {
     let (mut fraction, mut sum) = (1.0, 0.0);
     while index > 0 {
@@ -47,9 +49,9 @@ fn radical_inverse(mut index: u32, base: u32) -> f64 {
 }
 
 impl Envelope {
-    /// The point with this index, and its leakage coefficient. The reduced model tells how much the pump delivers.
+    /// Operating point and leakage coefficient with this index of the sequence. The reduced model gives the pump flow.
     #[must_use]
-    pub fn point(&self, index: u32, reduced: &ReducedRatio) -> (OperatingPoint, f64) {
+    pub fn point(&self, index: u32, reduced: &ReducedPlant) -> (OperatingPoint, f64) {
         let within = |[low, high]: [f64; 2], base: u32| low + (high - low) * radical_inverse(index, base);
         let alpha = if index.is_multiple_of(3) { self.alpha[1] } else { within(self.alpha, 7) };
         let at = OperatingPoint {

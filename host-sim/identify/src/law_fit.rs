@@ -1,33 +1,35 @@
-//! Fits the ten coefficients of the law to coefficients of operating points (paper eqs. 9-18).
+//! Least-squares fit of the leakage law, a quadratic in three variables, to leakage coefficients (Wang et al., eqs. 9-18).
 
 use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::model::leakage_law::{LawConfig, LawErrorRoot};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
+use kou_records::BenchPoint;
 use nalgebra::{DMatrix, DVector};
 
-use super::least_squares::{self, Fit};
+use crate::convert::single;
+use crate::rank_revealing::{self, RankRevealingFit};
 
-/// Names of the terms, in the order in which they are kept when the data cannot determine all of them: the constant,
-/// then the linear terms, then squares, then products.
+/// Names of the terms, in the order of priority when the points do not determine all of them: constant, linear terms,
+/// squares, products.
 pub const TERMS: [&str; 10] = ["c", "b1", "b2", "b3", "a11", "a22", "a33", "a12", "a13", "a23"];
 
-/// What must be left of a term's column, root mean square, in units of the normaliser's square at most. A bench holds
-/// its set points to some 0.1 %, so a column that differs from the others by less differs by scatter only.
+/// Minimum root mean square of a term's column after projection onto the complement of the earlier columns, in normalised
+/// units. Set points scatter by some 0.1 %; a smaller remainder is that scatter.
 const MIN_RMS: f64 = 0.002;
 
-/// Margin of the region around the points, in normalised variables: the scatter with which a set point is held.
+/// Margin of the region around the points, in normalised variables: the scatter of the set points.
 const REGION_MARGIN: f32 = 0.01;
 
-/// A fitted law.
+/// Fitted leakage law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawFit {
     /// Coefficients and normalisers for the estimator.
     pub law: LawConfig,
-    /// Region around the points.
+    /// Calibrated region around the points.
     pub region: RegionConfig,
-    /// Names of the terms that the data do not determine.
+    /// Names of the terms that the points do not determine; their coefficients are zero.
     pub dropped: Vec<&'static str>,
-    /// Condition number of the kept terms' columns.
+    /// Condition number of the columns of the remaining terms.
     pub condition_number: f64,
 }
 
@@ -38,18 +40,15 @@ impl LawFit {
         let largest = |of: fn(&[f64; 4]) -> f64| points.iter().map(of).fold(f64::MIN, f64::max);
         let n_max = largest(|[n, ..]| *n);
         let p_max = largest(|[_, p, ..]| *p);
-        // A cold bench must not turn the sign of z around.
+        // A positive normaliser also for a cold bench: the sign of z must not change.
         let t_max = largest(|[_, _, t, _]| *t).max(10.0);
         let normalised = |[n, p, t, _]: &[f64; 4]| [n / n_max, p / p_max, t / t_max];
         let rows: Vec<[f64; 10]> = points.iter().map(|point| phi(normalised(point))).collect();
         let columns = DMatrix::from_row_iterator(rows.len(), 10, rows.into_iter().flatten());
         let observed = DVector::from_iterator(points.len(), points.iter().map(|[.., kou]| *kou));
-        let Fit { coefficients, dropped, condition_number, residual_se, .. } =
-            least_squares::fit(&columns, &observed, MIN_RMS);
-        #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-        let at = |i: usize| coefficients.get(i).copied().unwrap_or(0.0) as f32;
-        #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-        let single = |value: f64| value as f32;
+        let RankRevealingFit { coefficients, dropped, condition_number, residual_se, .. } =
+            rank_revealing::fit(&columns, &observed, MIN_RMS);
+        let at = |i: usize| single(coefficients.get(i).copied().unwrap_or(0.0));
         Self {
             law: LawConfig {
                 c: at(0),
@@ -73,28 +72,41 @@ impl LawFit {
             condition_number,
         }
     }
+
+    /// Indices into [`TERMS`] of the terms that the points determine.
+    #[must_use]
+    pub fn determined_terms(&self) -> Vec<usize> {
+        (0..TERMS.len()).filter(|i| TERMS.get(*i).is_some_and(|t| !self.dropped.contains(t))).collect()
+    }
+
+    /// Leakage coefficient by the law at a bench point, in f64.
+    #[must_use]
+    pub fn kou(&self, point: &BenchPoint) -> f64 {
+        let x = normalised(&self.law, point.n_p_rpm, point.p_h_mpa, point.t_b_c);
+        coefficients(&self.law).iter().zip(phi(x)).map(|(k, f)| k * f).sum()
+    }
 }
 
-/// The ten terms at normalised speed, pressure and temperature, in the order of [`TERMS`].
+/// Regressor of the law: the ten terms at normalised speed, pressure and temperature, in the order of [`TERMS`].
 #[must_use]
 pub fn phi([x, y, z]: [f64; 3]) -> [f64; 10] {
     [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
 }
 
-/// Normalised speed, pressure and temperature of a point.
+/// Normalised speed, pressure and temperature.
 #[must_use]
 pub fn normalised(law: &LawConfig, n_p_rpm: f64, p_h_mpa: f64, t_b_c: f64) -> [f64; 3] {
     let f = f64::from;
     [n_p_rpm / f(law.n_max.get()), p_h_mpa / f(law.p_max.get()), t_b_c / f(law.t_max.get())]
 }
 
-/// The coefficients in the order of [`TERMS`].
+/// Coefficients for normalised variables, in the order of [`TERMS`].
 #[must_use]
 pub fn coefficients(law: &LawConfig) -> [f64; 10] {
     [law.c, law.b1, law.b2, law.b3, law.a11, law.a22, law.a33, law.a12, law.a13, law.a23].map(f64::from)
 }
 
-/// Coefficients for physical variables (r/min, MPa, degC) in the order of [`TERMS`] (paper eqs. 16-18 undone).
+/// Coefficients for physical variables (r/min, MPa, degC), in the order of [`TERMS`] (inverse of Wang et al., eqs. 16-18).
 #[must_use]
 pub fn physical(law: &LawConfig) -> [f64; 10] {
     let f = f64::from;
@@ -138,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn quadratic_truth_is_found_on_the_papers_grid() {
+    fn quadratic_law_is_recovered_on_the_papers_grid() {
         let points = grid(&[1000.0, 2000.0, 2800.0], &[10.0, 20.0, 30.0, 40.0, 50.0], &[30.0, 60.0, 90.0]);
         let fit = LawFit::new(&points);
         assert!(fit.dropped.is_empty());
@@ -151,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn terms_that_the_bench_cannot_determine_are_named_and_zero() {
+    fn undetermined_terms_are_named_and_zero() {
         let one_temperature = LawFit::new(&grid(&[1000.0, 2000.0, 2800.0], &[10.0, 30.0, 50.0], &[60.0]));
         assert_eq!(one_temperature.dropped, ["b3", "a33", "a13", "a23"]);
         // Two temperatures, held with 0.1 % scatter, do not determine a curvature.

@@ -1,45 +1,42 @@
-//! The surrogate: constants of the reduced model fitted to a better model over an envelope.
+//! Surrogate: constants of the reduced model fitted to a plant model over an envelope.
 //!
-//! Five constants are free: leaking chambers and how they fall with speed and with the root of pressure, the flow of
-//! bridging grooves, and the pump's dead volume. The ratio is linear in all of them, so the fit is one linear least
-//! squares problem, solved by singular values; its columns are differences of the estimator's own forward model.
-//! Displacements and oil stay as they are: they belong to the machine. `docs/reduced-model.md` says why these five.
+//! Five constants are free: leaking chambers, their decrease with speed and with the root of pressure, the flow of bridging
+//! grooves, and the pump's dead volume. The ratio is linear in all of them, so the fit is a linear least-squares problem,
+//! solved by singular value decomposition; its columns are differences of the estimator's own forward model. Displacements
+//! and oil are machine parameters and stay fixed. Choice of the constants: `docs/reduced-model.md`.
 
 use kou_estimator::model::flow_balance::ReducedConfig;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::envelope::Envelope;
-use super::ratio_model::{OperatingPoint, RatioModel, ReducedRatio};
-use crate::calibration::{oil_config, reduced_config};
-use kou_lumped::machine::Machine;
+use kou_lumped::OperatingPoint;
 use kou_records::InputError;
 
-/// Points to which the surrogate is fitted: some twenty for each constant.
+use crate::convert::single;
+use crate::envelope::Envelope;
+use crate::machine_parameters::MachineParameters;
+use crate::plant_model::PlantModel;
+use crate::reduced_plant::ReducedPlant;
+
+/// Number of points of the fit: about twenty for each constant.
 pub const POINTS: u32 = 96;
 
-/// A fitted surrogate.
+/// Fitted surrogate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surrogate {
-    /// Its constants.
+    /// Constants of the reduced model.
     pub config: ReducedConfig,
-    /// Mean low pressure of the better model, gauge: the reduced model's where none is measured.
+    /// Mean low pressure of the plant model, gauge; for the reduced model where none is measured.
     pub low_pressure_mpa: f64,
-    /// Mean magnitude of the error of the ratio over the points of the fit.
+    /// Mean absolute error of the ratio over the points of the fit.
     pub ratio_error_mean: f64,
-    /// Largest magnitude.
+    /// Maximum absolute error.
     pub ratio_error_max: f64,
-    /// Points used.
+    /// Number of points used.
     pub points: usize,
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-const fn single(value: f64) -> f32 {
-    value as f32
-}
-
-/// The five constants with the step by which each is differentiated. The ratio is linear in them, so steps are as wide
-/// as they need to be for f32.
+/// The five constants with their difference steps. The ratio is linear in them, so the steps can be wide enough for f32.
 fn constants(k: &mut ReducedConfig) -> [(&mut f32, f32); 5] {
     let displacement = k.pump_displacement.get();
     [
@@ -51,12 +48,16 @@ fn constants(k: &mut ReducedConfig) -> [(&mut f32, f32); 5] {
     ]
 }
 
-/// Fits the reduced model of `machine` to `model`, which must be of the same machine.
+/// Fits the reduced model of `machine` to a plant model of the same machine.
 ///
 /// # Errors
-/// A model that fails at most of the points, or constants that the estimator refuses.
-pub fn fit(machine: &Machine, model: &dyn RatioModel, envelope: &Envelope) -> Result<Surrogate, InputError> {
-    let theory = ReducedRatio::new(machine)?;
+/// A model that fails at more than half of the points, or constants rejected by the estimator.
+pub fn fit(
+    machine: &MachineParameters,
+    model: &dyn PlantModel,
+    envelope: &Envelope,
+) -> Result<Surrogate, InputError> {
+    let theory = ReducedPlant::new(machine)?;
     let indices: Vec<u32> = (1..=POINTS).collect();
     let solved: Vec<(OperatingPoint, f64, f64, f64)> = indices
         .into_par_iter()
@@ -67,19 +68,19 @@ pub fn fit(machine: &Machine, model: &dyn RatioModel, envelope: &Envelope) -> Re
         .collect();
     if solved.len() < POINTS as usize / 2 {
         return Err(InputError::new(format!(
-            "the full model has no steady state at {} of {POINTS} points of the envelope",
+            "the plant model has no steady state at {} of {POINTS} points of the envelope",
             POINTS as usize - solved.len()
         )));
     }
     let low_pressure_mpa = solved.iter().map(|s| s.3).sum::<f64>() / solved.len() as f64;
-    let oil = oil_config(machine);
-    let mut config = reduced_config(machine);
+    let oil = machine.oil_config();
+    let mut config = machine.reduced_config();
     let ratios = |config: ReducedConfig| -> Result<DVector<f64>, InputError> {
-        let reduced = ReducedRatio::with(config, oil, low_pressure_mpa)?;
+        let reduced = ReducedPlant::with(config, oil, low_pressure_mpa)?;
         Ok(DVector::from_iterator(solved.len(), solved.iter().map(|(at, kou, ..)| reduced.ratio(at, *kou))))
     };
-    let wanted = DVector::from_iterator(solved.len(), solved.iter().map(|s| s.2));
-    // Twice: the second pass removes what f32 rounding left of the first.
+    let reference = DVector::from_iterator(solved.len(), solved.iter().map(|s| s.2));
+    // The second pass removes the f32 rounding errors of the first.
     for _ in 0..2 {
         let base = ratios(config)?;
         let mut columns = DMatrix::zeros(solved.len(), 5);
@@ -94,13 +95,13 @@ pub fn fit(machine: &Machine, model: &dyn RatioModel, envelope: &Envelope) -> Re
         }
         let solution = columns
             .svd(true, true)
-            .solve(&(&wanted - &base), 1e-9)
+            .solve(&(&reference - &base), 1e-9)
             .map_err(|e| InputError::new(format!("the surrogate cannot be fitted: {e}")))?;
         for ((value, step), share) in constants(&mut config).into_iter().zip(solution.iter()) {
             *value += single(share * f64::from(step));
         }
     }
-    let errors = wanted - ratios(config)?;
+    let errors = reference - ratios(config)?;
     Ok(Surrogate {
         config,
         low_pressure_mpa,

@@ -4,11 +4,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::class_arg::ClassArg;
 use super::failure::Failure;
-use kou_identify::calibration::{SensorClass, Settings};
+use kou_identify::calibration::CalibrationSettings;
 use kou_identify::joint::Prior;
 use kou_lumped::machine::Machine;
-use kou_records::{BenchPoint, InputError, Mapping, read_bench, without_repeats};
+use kou_records::{BenchPoint, InputError, Mapping, read_bench, split_duplicates};
 
 /// Bench points, machine and prior knowledge.
 #[derive(Debug, clap::Args)]
@@ -39,7 +40,7 @@ pub struct BenchArgs {
     pub date: String,
     /// ISO 4409 class of the sensors on the controller, for the standard error of the observed coefficient.
     #[arg(long, value_enum, default_value = "A")]
-    pub class: SensorClass,
+    pub class: ClassArg,
 }
 
 /// Contents of the files, checked.
@@ -52,7 +53,7 @@ pub struct BenchInputs {
     /// Rows that repeat another one, with the line of that one.
     pub repeated: Vec<(BenchPoint, u64)>,
     /// Origin that the calibration records.
-    pub settings: Settings,
+    pub settings: CalibrationSettings,
     /// Prior knowledge.
     pub prior: Prior,
 }
@@ -69,11 +70,11 @@ impl BenchArgs {
             &mapping(self.map.as_deref())?,
             machine.reference_displacement_cm3_per_rev(),
         )?;
-        let (points, repeated) = without_repeats(points);
-        let settings = Settings {
+        let (points, repeated) = split_duplicates(points);
+        let settings = CalibrationSettings {
             serial: self.serial.clone(),
             date: self.date.clone(),
-            class: self.class,
+            class: self.class.into(),
             bench_crc32: crc32_of(&self.bench)?,
             machine_crc32: crc32_of(&self.machine)?,
         };

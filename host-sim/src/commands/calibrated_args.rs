@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use kou_estimator::{Calibration, Params};
-use kou_identify::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
+use kou_records::calibration;
 
 use super::failure::Failure;
 

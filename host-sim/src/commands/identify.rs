@@ -8,13 +8,14 @@ use serde_json::{Map, Value, json};
 use super::bench_args::{BenchArgs, BenchInputs, positive};
 use super::failure::Failure;
 use super::output::{print_json, print_text};
-use kou_identify::calibration::{self, Settings};
-use kou_identify::memory::Memory;
-use kou_identify::ratio_model::{FullRatio, OperatingPoint, RatioModel, ReducedRatio, operating_point};
-use kou_identify::secant::Secant;
-use kou_identify::{Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step};
+use kou_identify::calibration::CalibrationSettings;
+use kou_identify::secant::SecantSettings;
+use kou_identify::{
+    Identification, LumpedPlant, OperatingPoint, PlantModel, ReducedPlant, RejectedPoint, SolutionCache,
+    TERMS, coefficients, experiment_design, joint_scheme, operating_point, physical, two_step,
+};
 use kou_lumped::machine::Machine;
-use kou_records::InputError;
+use kou_records::{InputError, calibration};
 
 /// Model that the identification inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -72,8 +73,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         [a, b] => Some([*a, *b]),
         _ => None,
     };
-    let secant = Secant { tolerance: args.tolerance, start, max_calls: args.max_calls };
-    let identify = |model: Option<&dyn RatioModel>| {
+    let secant = SecantSettings { tolerance: args.tolerance, start, max_calls: args.max_calls };
+    let identify = |model: Option<&dyn PlantModel>| {
         match args.scheme {
             Scheme::Joint => joint_scheme::identify(&machine, &points, &settings, model, &prior),
             Scheme::Paper => two_step::identify(&machine, &points, &settings, model, &secant),
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         Some(full) => with_full_model(args, full, &settings, points.len(), identify)?,
     };
     // Rows equal to the last digit are a copied row, not a repeated measurement.
-    result.refused.extend(repeated.into_iter().map(|(point, line)| Refusal {
+    result.rejected.extend(repeated.into_iter().map(|(point, line)| RejectedPoint {
         point,
         reason: format!("repeats line {line}"),
         leak_free_ratio: None,
@@ -96,7 +97,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         Some(solution) => {
             let measured: Vec<OperatingPoint> =
                 result.points.iter().map(|p| operating_point(&p.point)).collect();
-            advice::advise(&measured, &result.fit, &ReducedRatio::new(&machine)?, solution, &prior)?
+            experiment_design::propose(
+                &measured,
+                &result.fit,
+                &ReducedPlant::new(&machine)?,
+                solution,
+                &prior,
+            )?
         }
         None => Vec::new(),
     };
@@ -110,8 +117,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// The lumped model, where it is chosen, and the announcement of the choice.
-fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>), InputError> {
-    match (args.model, FullRatio::new(machine)) {
+fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<LumpedPlant>), InputError> {
+    match (args.model, LumpedPlant::new(machine)) {
         (Some(InvertedModel::Rom), _) => Ok(("model: reduced model, as chosen\n".into(), None)),
         (_, Ok(full)) => {
             let model = "model: full lumped model; the valve plates and the circuit of the machine file are taken as given\n";
@@ -127,10 +134,10 @@ fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<FullRatio>
 /// Identifies with the lumped model; its solutions are cached in a file next to the calibration until that is written.
 fn with_full_model(
     args: &Args,
-    full: &FullRatio,
-    settings: &Settings,
+    full: &LumpedPlant,
+    settings: &CalibrationSettings,
     points: usize,
-    identify: impl Fn(Option<&dyn RatioModel>) -> Result<Identification, InputError>,
+    identify: impl Fn(Option<&dyn PlantModel>) -> Result<Identification, InputError>,
 ) -> Result<Identification, Failure> {
     let partial = args.out.with_extension("partial");
     // Joint: two to three iterations and the surrogate; paper: three to four calls for each point.
@@ -146,8 +153,8 @@ fn with_full_model(
         }
         ticking.inc(1);
     };
-    let memory = Memory::new(settings.machine_crc32, Some(&partial), tick)?;
-    let result = identify(Some(&memory.over(full)))?;
+    let cache = SolutionCache::new(settings.machine_crc32, Some(&partial), tick)?;
+    let result = identify(Some(&cache.over(full)))?;
     bar.finish_and_clear();
     // A cache that cannot be removed does no harm.
     drop(std::fs::remove_file(&partial));
@@ -178,7 +185,7 @@ struct PointReport {
     calls: u32,
 }
 
-fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
+fn report(result: &Identification, advice: &[experiment_design::Proposal]) -> Value {
     let points: Vec<PointReport> = result
         .points
         .iter()
@@ -199,8 +206,8 @@ fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
             calls: r.calls,
         })
         .collect();
-    let refused: Vec<Value> = result
-        .refused
+    let rejected: Vec<Value> = result
+        .rejected
         .iter()
         .map(|r| {
             json!({
@@ -216,7 +223,7 @@ fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
         TERMS.into_iter().zip(values).map(|(k, v)| (k.to_string(), json!(v))).collect::<Map<_, _>>()
     };
     let unknowns: Vec<Value> = result
-        .unknowns
+        .parameters
         .iter()
         .map(|u| {
             json!({
@@ -241,7 +248,7 @@ fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
         .collect();
     json!({
         "points": points,
-        "refused_points": refused,
+        "refused_points": rejected,
         "law": {
             "normalised": named(coefficients(law)),
             "physical": named(physical(law)),
@@ -256,15 +263,15 @@ fn report(result: &Identification, advice: &[advice::Proposal]) -> Value {
         "unknowns": unknowns,
         "correlation": result.correlation,
         "chi2_per_freedom": result.chi2_per_freedom,
-        "displacement_factor": result.change.displacement,
-        "bulk_modulus_factor": result.change.bulk,
+        "displacement_factor": result.correction.displacement,
+        "bulk_modulus_factor": result.correction.bulk,
         "surrogate": surrogate,
         "model_calls": result.model_calls,
         "advice": advice,
     })
 }
 
-fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> String {
+fn summary(result: &Identification, advice: &[experiment_design::Proposal], out: &Path) -> String {
     let mut text = format!(
         "{} points used, mean error of the ratio {:.3} %, residual of Kou {:.5} (L/min)/MPa, condition number {:.1}\n",
         result.points.len(),
@@ -275,7 +282,7 @@ fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> 
     if !result.fit.dropped.is_empty() {
         text += &format!("not determined by the data, left at zero: {}\n", result.fit.dropped.join(", "));
     }
-    for unknown in result.unknowns.iter().filter(|u| u.prior_se.is_some()) {
+    for unknown in result.parameters.iter().filter(|u| u.prior_se.is_some()) {
         text += &format!(
             "{}: {:+.2} % +- {:.2} %, determined by {}\n",
             unknown.name,
@@ -293,14 +300,14 @@ fn summary(result: &Identification, advice: &[advice::Proposal], out: &Path) -> 
     for point in result.points.iter().filter(|p| p.is_outlier()) {
         text += &format!("line {}: outlier, weight {:.2}\n", point.point.line, point.weight);
     }
-    for refused in &result.refused {
-        let line = refused.point.line;
-        text += &match refused.leak_free_ratio {
+    for rejected in &result.rejected {
+        let line = rejected.point.line;
+        text += &match rejected.leak_free_ratio {
             Some(leak_free) => format!(
                 "line {line} not used: ratio {} is above the leak-free ratio {leak_free:.5}\n",
-                refused.point.ratio
+                rejected.point.ratio
             ),
-            None => format!("line {line} not used: {}\n", refused.reason),
+            None => format!("line {line} not used: {}\n", rejected.reason),
         };
     }
     if let Some(best) = advice.first() {

@@ -8,11 +8,12 @@
 //! | `simulate`, `step`, `paper` | the lumped model: a steady point, a step response, the figures of the paper |
 //! | `synth` | synthetic bench tables and drive logs |
 //! | `dbc`, `update`, `provision` | files for the controller: CAN database, calibration update, provisioning page |
-//! | `bench_args`, `calibrated_args`, `point_args` | arguments that several commands share |
+//! | `bench_args`, `calibrated_args`, `class_arg`, `point_args` | arguments that several commands share |
 //! | `failure`, `output` | exit codes; terminal output |
 
 pub mod bench_args;
 pub mod calibrated_args;
+pub mod class_arg;
 pub mod dbc;
 pub mod evaluate;
 pub mod failure;

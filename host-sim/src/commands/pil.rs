@@ -18,9 +18,9 @@ use super::replay::figures_text;
 use crate::pil::plant::{self, LoopReport, Scenario};
 use crate::pil::{self, PilOptions, PilReport, same_bits};
 use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
-use kou_identify::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
+use kou_records::calibration;
 use kou_records::{LogReader, LogRow};
 
 /// Streams a log through the firmware in QEMU and compares its estimates with the host's; or drives the controller's firmware
@@ -160,7 +160,7 @@ fn stream(
     Ok(StreamReport {
         figures: summary.figures(),
         health: health.figures(params, &state),
-        rows_passed_over: log.passed_over(),
+        rows_passed_over: log.skipped_rows(),
         samples_per_s,
         mismatches,
         firmware_samples_per_s: samples_per_s,

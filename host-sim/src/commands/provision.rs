@@ -10,8 +10,8 @@ use kou_estimator::record;
 
 use super::failure::Failure;
 use crate::update::read_key_bytes;
-use kou_identify::calibration;
 use kou_records::InputError;
+use kou_records::calibration;
 
 /// Writes the image of the provisioning page: the controller's key and an initial calibration, at least one of the two.
 ///

@@ -10,8 +10,8 @@ use super::bench_args::mapping;
 use super::failure::Failure;
 use super::output::{print_json, print_text, progress};
 use crate::replay::{EstimateTrace, EstimateWriter, Figures, HealthFigures, HealthSummary, Summary};
-use kou_identify::calibration;
 use kou_records::LogReader;
+use kou_records::calibration;
 
 /// Replays a log through the estimator.
 #[derive(Debug, clap::Args)]
@@ -88,7 +88,7 @@ fn replay(args: &Args, params: &Params) -> Result<ReplayReport, Failure> {
     }
     let samples_per_s = figures.samples as f64 / elapsed_s;
     let health = health.figures(params, &state);
-    Ok(ReplayReport { figures, health, rows_passed_over: log.passed_over(), samples_per_s })
+    Ok(ReplayReport { figures, health, rows_passed_over: log.skipped_rows(), samples_per_s })
 }
 
 /// Summary as text.

@@ -7,7 +7,7 @@ use super::failure::Failure;
 use super::output::print_text;
 use crate::output_file::write_file;
 use crate::report::{self, ReportStudy};
-use kou_identify::ratio_model::FullRatio;
+use kou_identify::LumpedPlant;
 
 /// Writes a report on a calibration: one HTML file with plots, for mail and paper.
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub struct Args {
 /// Bad input, or a report that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let BenchInputs { machine, points, settings, prior, .. } = args.given.read()?;
-    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
+    let full = LumpedPlant::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
     let study = ReportStudy::new(&machine, &points, &settings, &full, &prior)
         .map_err(|e| e.at_file(&args.given.bench))?;
     write_file(&args.out, report::html(&machine, &study)?)?;

@@ -104,7 +104,7 @@ fn write_waveforms(
     operating: &kou_lumped::SteadyCase,
     path: &std::path::Path,
 ) -> Result<(), Failure> {
-    let turns = kou_records::Range::new(0.01, 200.0, "revolutions");
+    let turns = kou_records::AllowedRange::new(0.01, 200.0, "revolutions");
     if !turns.contains(args.revolutions) {
         let error = kou_records::InputError::new("length of the waveforms is out of range");
         return Err(error.with_value(args.revolutions).with_allowed(turns).into());

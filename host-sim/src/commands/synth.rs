@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::class_arg::ClassArg;
 use super::failure::Failure;
 use super::identify::InvertedModel;
 use crate::output_file::write_file;
 use crate::synth::{BENCH, DRIVE, Instruments, write_bench, write_drive};
-use kou_identify::calibration::SensorClass;
-use kou_identify::ratio_model::{FullRatio, RatioModel, ReducedRatio};
+use kou_identify::SensorClass;
+use kou_identify::{LumpedPlant, PlantModel, ReducedPlant};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
@@ -20,7 +21,7 @@ pub struct Args {
     pub machine: PathBuf,
     /// ISO 4409 class within which every instrument has a systematic error; without it there are random errors only.
     #[arg(long, value_enum)]
-    pub class: Option<SensorClass>,
+    pub class: Option<ClassArg>,
     /// No errors, and set points met exactly.
     #[arg(long, conflicts_with = "class")]
     pub exact: bool,
@@ -47,11 +48,12 @@ pub struct Args {
 /// Bad input, or an output that cannot be written.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let machine = Machine::load(&args.machine)?;
-    let model: Box<dyn RatioModel> = match args.model {
-        InvertedModel::Full => Box::new(FullRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
-        InvertedModel::Rom => Box::new(ReducedRatio::new(&machine).map_err(|e| e.at_file(&args.machine))?),
+    let model: Box<dyn PlantModel> = match args.model {
+        InvertedModel::Full => Box::new(LumpedPlant::new(&machine).map_err(|e| e.at_file(&args.machine))?),
+        InvertedModel::Rom => Box::new(ReducedPlant::new(&machine).map_err(|e| e.at_file(&args.machine))?),
     };
-    let class = match args.class {
+    let class = args.class.map(SensorClass::from);
+    let class_text = match class {
         Some(SensorClass::A) => ", class A",
         Some(SensorClass::B) => ", class B",
         Some(SensorClass::C) => ", class C",
@@ -61,15 +63,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         InvertedModel::Full => "full model",
         InvertedModel::Rom => "reduced model",
     };
-    let origin = format!("{name}{class}, seed {}", args.seed);
+    let origin = format!("{name}{class_text}, seed {}", args.seed);
     if let Some(path) = &args.out {
-        let instruments = (!args.exact).then(|| Instruments::new(args.seed, args.class, BENCH));
+        let instruments = (!args.exact).then(|| Instruments::new(args.seed, class, BENCH));
         write(path, |bytes| {
             write_bench(bytes, &machine, model.as_ref(), instruments, args.partial, &origin)
         })?;
     }
     if let Some(path) = &args.drive {
-        let mut instruments = Instruments::new(args.seed, args.class, DRIVE);
+        let mut instruments = Instruments::new(args.seed, class, DRIVE);
         write(path, |bytes| write_drive(bytes, &machine, model.as_ref(), &mut instruments, &origin))?;
     }
     Ok(())

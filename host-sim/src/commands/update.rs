@@ -6,8 +6,8 @@ use super::failure::Failure;
 use super::output::print_text;
 use crate::output_file::write_file;
 use crate::update::{Addresses, candump, frames, read_key};
-use kou_identify::calibration;
 use kou_records::InputError;
+use kou_records::calibration;
 
 /// Writes the CAN frames of a calibration update, as a log in candump's format.
 ///

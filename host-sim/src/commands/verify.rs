@@ -14,8 +14,9 @@ use super::failure::Failure;
 use super::output::{print_json, print_text};
 use crate::replay::reason_label;
 use kou_identify::envelope::Envelope;
-use kou_identify::ratio_model::{Change, FullRatio, OperatingPoint, RatioModel, ReducedRatio};
+use kou_identify::lumped_plant::corrected_machine;
 use kou_identify::surrogate;
+use kou_identify::{LumpedPlant, MachineCorrection, OperatingPoint, PlantModel, ReducedPlant};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
@@ -68,10 +69,10 @@ struct VerifyReport {
 /// Bad input, or errors above the limits.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let (machine, calibration, params) = args.given.read()?;
-    let change = change_of(&calibration, &machine);
-    let machine = change.of(&machine).map_err(|e| e.at_file(&args.given.calibration))?;
-    let full = FullRatio::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
-    let theory = ReducedRatio::new(&machine)?;
+    let correction = correction_of(&calibration, &machine);
+    let machine = corrected_machine(&machine, correction).map_err(|e| e.at_file(&args.given.calibration))?;
+    let full = LumpedPlant::new(&machine).map_err(|e| e.at_file(&args.given.machine))?;
+    let theory = ReducedPlant::new(&machine)?;
     let envelope = Envelope::default();
     let compared: Vec<Option<PointComparison>> = (surrogate::POINTS + 1..=surrogate::POINTS + args.points)
         .into_par_iter()
@@ -95,9 +96,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// How the calibrated machine differs from its file.
-fn change_of(calibration: &Calibration, machine: &Machine) -> Change {
-    Change {
+/// Correction of the machine file in the calibration.
+fn correction_of(calibration: &Calibration, machine: &Machine) -> MachineCorrection {
+    MachineCorrection {
         displacement: f64::from(calibration.reduced.pump_displacement.get())
             / machine.pump().displacement_cm3_per_rev,
         bulk: f64::from(calibration.oil.bulk_modulus_mpa) / machine.oil().bulk_modulus_mpa,

@@ -8,7 +8,7 @@ use kou_estimator::{Params, Reading, Sample};
 
 use super::duty_cycle::{DutyCycle, DutyPoint, PERIOD_S};
 use crate::noise::Noise;
-use kou_identify::calibration::SensorClass;
+use kou_identify::SensorClass;
 
 /// Constant error of one sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,7 +9,7 @@ use super::coverage::CoverageCounts;
 use super::duty_cycle::PERIOD_S;
 use super::simulated_drive::{DriveEvent, SimulatedDrive};
 use crate::noise::Noise;
-use kou_identify::calibration::SensorClass;
+use kou_identify::SensorClass;
 
 /// Settings common to the trials of a study.
 #[derive(Debug, Clone)]

@@ -1,7 +1,7 @@
 //! The charts of a report: the paper's figures 8, 12, 13, 14 and 16 for this machine, and residuals.
 
 use crate::synth::viscosity_mm2_s;
-use kou_identify::{Identification, PointResult, evaluate, normalised, phi};
+use kou_identify::{Identification, PointResult, normalised, phi};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 
@@ -103,7 +103,7 @@ fn law(joint: &Identification, n: f64, p: f64, t: f64) -> (f64, f64) {
         .sum();
     let misfit = f64::from(joint.fit.law.residual_se.get());
     let rest = f64::from(joint.fit.law.error_root.rest.get());
-    (evaluate(&joint.fit, &point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
+    (joint.fit.kou(&point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
 }
 
 /// Kou by the law along a line of the envelope, with its confidence band.

@@ -5,13 +5,14 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use kou_identify::advice::{self, Proposal};
-use kou_identify::calibration::Settings;
+use kou_identify::calibration::CalibrationSettings;
+use kou_identify::experiment_design::{self, Proposal};
 use kou_identify::joint::Prior;
-use kou_identify::ratio_model::{Change, OperatingPoint, RatioModel, ReducedRatio, Solved, operating_point};
-use kou_identify::secant::{self, Secant};
-use kou_identify::{Identification, evaluate, joint_scheme, two_step};
-use kou_lumped::SimError;
+use kou_identify::secant::{self, SecantSettings};
+use kou_identify::{
+    Identification, MachineCorrection, OperatingPoint, PlantError, PlantModel, ReducedPlant, SteadyResponse,
+    joint_scheme, operating_point, two_step,
+};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 use kou_records::InputError;
@@ -48,19 +49,19 @@ pub struct ReportStudy {
 
 /// A model that records every call.
 struct CallRecorder<'a> {
-    model: &'a dyn RatioModel,
+    model: &'a dyn PlantModel,
     calls: Mutex<Vec<(f64, f64)>>,
 }
 
-impl RatioModel for CallRecorder<'_> {
-    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
+impl PlantModel for CallRecorder<'_> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<SteadyResponse, PlantError> {
         let solved = self.model.solve(at, kou)?;
         self.calls.lock().unwrap_or_else(PoisonError::into_inner).push((kou, solved.ratio));
         Ok(solved)
     }
 
-    fn changed(&self, change: Change) -> Result<Box<dyn RatioModel + '_>, InputError> {
-        self.model.changed(change)
+    fn corrected(&self, correction: MachineCorrection) -> Result<Box<dyn PlantModel + '_>, InputError> {
+        self.model.corrected(correction)
     }
 }
 
@@ -72,14 +73,14 @@ impl ReportStudy {
     pub fn new(
         machine: &Machine,
         points: &[BenchPoint],
-        settings: &Settings,
-        model: &dyn RatioModel,
+        settings: &CalibrationSettings,
+        model: &dyn PlantModel,
         prior: &Prior,
     ) -> Result<Self, InputError> {
         let joint = joint_scheme::identify(machine, points, settings, Some(model), prior)?;
-        let paper = two_step::identify(machine, points, settings, Some(model), &Secant::default())?;
+        let paper = two_step::identify(machine, points, settings, Some(model), &SecantSettings::default())?;
         let used: Vec<BenchPoint> = joint.points.iter().map(|p| p.point).collect();
-        let found = model.changed(joint.change)?;
+        let found = model.corrected(joint.correction)?;
 
         let constant = empirical_constant(&joint);
         let constant_error_pct = used
@@ -109,7 +110,7 @@ impl ReportStudy {
                 };
                 let at = operating_point(&point);
                 let free = found.solve(&at, 0.0).ok()?.ratio;
-                let leaking = found.solve(&at, evaluate(&joint.fit, &point).max(0.0)).ok()?.ratio;
+                let leaking = found.solve(&at, joint.fit.kou(&point).max(0.0)).ok()?.ratio;
                 Some((p_h_mpa, free, leaking))
             })
             .collect();
@@ -117,9 +118,13 @@ impl ReportStudy {
         let case = case_study(&used, found.as_ref());
         let measured: Vec<OperatingPoint> = used.iter().map(operating_point).collect();
         let advice = match &joint.solution {
-            Some(solution) => {
-                advice::advise(&measured, &joint.fit, &ReducedRatio::new(machine)?, solution, prior)?
-            }
+            Some(solution) => experiment_design::propose(
+                &measured,
+                &joint.fit,
+                &ReducedPlant::new(machine)?,
+                solution,
+                prior,
+            )?,
             None => Vec::new(),
         };
         Ok(Self { joint, paper, constant, constant_error_pct, fig8, fig8_rpm, case, advice })
@@ -127,7 +132,7 @@ impl ReportStudy {
 }
 
 /// Searches from the paper's three intervals at the point nearest to its case study.
-fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<SecantSearch>) {
+fn case_study(used: &[BenchPoint], model: &dyn PlantModel) -> (BenchPoint, Vec<SecantSearch>) {
     let distance = |p: &BenchPoint| {
         ((p.n_p_rpm - 999.23) / 1000.0).hypot((p.p_h_mpa - 31.06) / 31.0).hypot((p.t_b_c - 58.24) / 58.0)
     };
@@ -138,7 +143,13 @@ fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<S
         .map(|start| {
             let recorder = CallRecorder { model, calls: Mutex::new(Vec::new()) };
             // A search that does not end is shown as far as it went.
-            drop(secant::solve(&recorder, &operating_point(&point), point.ratio, start, &Secant::default()));
+            drop(secant::solve(
+                &recorder,
+                &operating_point(&point),
+                point.ratio,
+                start,
+                &SecantSettings::default(),
+            ));
             SecantSearch { start, calls: recorder.calls.into_inner().unwrap_or_else(PoisonError::into_inner) }
         })
         .collect();

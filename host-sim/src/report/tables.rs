@@ -35,7 +35,7 @@ pub fn head(study: &ReportStudy) -> String {
     let mut text = format!(
         "<p class=\"note\">{} of {} points used. Serial number {}, date {}. Bench table CRC-32 {:08x}, machine file {:08x}, {}.</p>\n",
         joint.points.len(),
-        joint.points.len() + joint.refused.len(),
+        joint.points.len() + joint.rejected.len(),
         or_dash(&joint.calibration.machine.serial),
         or_dash(&about.date),
         about.bench_crc32,
@@ -70,7 +70,7 @@ pub fn head(study: &ReportStudy) -> String {
             "prior standard error, %",
             "determined by",
         ],
-        joint.unknowns.iter().filter(|u| u.prior_se.is_some()).map(|u| {
+        joint.parameters.iter().filter(|u| u.prior_se.is_some()).map(|u| {
             vec![
                 u.name.clone(),
                 format!("{:+.3}", 100.0 * u.value),
@@ -108,7 +108,7 @@ pub fn tail(study: &ReportStudy) -> String {
         or_dash(&joint.fit.dropped.join(", "))
     );
     let se = |term: &str| {
-        joint.unknowns.iter().find(|u| u.name == term).map_or(String::new(), |u| format!("{:.5}", u.se))
+        joint.parameters.iter().find(|u| u.name == term).map_or(String::new(), |u| format!("{:.5}", u.se))
     };
     text += &table(
         &["term", "normalised, (L/min)/MPa", "standard error", "physical"],
@@ -118,7 +118,7 @@ pub fn tail(study: &ReportStudy) -> String {
     );
     text += "<h2>Outliers and points not used</h2>\n";
     let mut rows: Vec<Vec<String>> = joint
-        .refused
+        .rejected
         .iter()
         .map(|r| {
             let free = r.leak_free_ratio.map_or(String::new(), |f| format!("leak-free ratio {f:.5}"));

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use kou_identify::ratio_model::{OperatingPoint, RatioModel};
+use kou_identify::{OperatingPoint, PlantModel};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
@@ -37,7 +37,7 @@ const SETTING_ERROR: f64 = 0.004;
 pub fn write_bench(
     out: &mut impl Write,
     machine: &Machine,
-    model: &dyn RatioModel,
+    model: &dyn PlantModel,
     mut instruments: Option<Instruments>,
     partial: bool,
     origin: &str,

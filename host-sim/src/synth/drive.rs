@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use kou_identify::ratio_model::{OperatingPoint, RatioModel, ReducedRatio};
+use kou_identify::{OperatingPoint, PlantModel, ReducedPlant};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
@@ -26,7 +26,7 @@ const LEAK_FACTOR: f64 = 1.35;
 pub fn write_drive(
     out: &mut impl Write,
     machine: &Machine,
-    model: &dyn RatioModel,
+    model: &dyn PlantModel,
     instruments: &mut Instruments,
     origin: &str,
 ) -> Result<(), InputError> {
@@ -77,8 +77,8 @@ fn true_kou(machine: &Machine, time_s: f64) -> f64 {
 /// Ratio of every row. The lumped model is solved at every tenth row; in between, its correction to the reduced model (some
 /// 1e-3 of ratio) is interpolated, which leaves errors of some 1e-5, and where displacement or leakage jump some 1e-4 for
 /// less than a second.
-fn true_ratios(machine: &Machine, model: &dyn RatioModel) -> Result<Vec<f64>, InputError> {
-    let reduced = ReducedRatio::new(machine)?;
+fn true_ratios(machine: &Machine, model: &dyn PlantModel) -> Result<Vec<f64>, InputError> {
+    let reduced = ReducedPlant::new(machine)?;
     let at = |row: usize| {
         let time_s = row as f64 * PERIOD_S;
         let [n_p_rpm, p_h_mpa, t_b_c, alpha] = operating_point(time_s);

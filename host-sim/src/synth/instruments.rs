@@ -1,6 +1,6 @@
 //! Simulated instruments: each with a systematic error drawn once, and random errors that repeat with their seed.
 
-use kou_identify::calibration::SensorClass;
+use kou_identify::SensorClass;
 
 use crate::noise::Noise;
 

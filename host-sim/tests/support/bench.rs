@@ -1,10 +1,9 @@
-//! Synthetic bench points in memory: the paper's grid, with a model as truth.
+//! Synthetic bench points on the paper's grid, with a plant model as truth.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use host_sim::synth::{Gaps, PARTIAL};
-use kou_identify::calibration::{SensorClass, Settings};
-use kou_identify::ratio_model::{OperatingPoint, RatioModel};
-use kou_identify::{Identification, TERMS, normalised, phi};
+use kou_identify::calibration::CalibrationSettings;
+use kou_identify::{Identification, OperatingPoint, PlantModel, SensorClass, TERMS, normalised, phi};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
 use nalgebra::{DMatrix, DVector};
@@ -17,8 +16,8 @@ pub fn machine(name: &str) -> Machine {
     Machine::load(&crate::support::root().join("host-sim/machines").join(name)).unwrap()
 }
 
-pub fn settings() -> Settings {
-    Settings {
+pub fn settings() -> CalibrationSettings {
+    CalibrationSettings {
         serial: String::new(),
         date: String::new(),
         class: SensorClass::A,
@@ -27,13 +26,13 @@ pub fn settings() -> Settings {
     }
 }
 
-/// The 45 points, and the twelve at partial displacement, whose true setting is 0.4 % off.
-pub fn points(machine: &Machine, model: &dyn RatioModel, partial: bool) -> Vec<BenchPoint> {
+/// The 45 points, and with `partial` twelve at partial displacement, whose true setting is 0.4 % larger.
+pub fn points(machine: &Machine, model: &dyn PlantModel, partial: bool) -> Vec<BenchPoint> {
     points_of(&Gaps::default(), machine, model, partial)
 }
 
-/// The same with a leakage of other gaps.
-pub fn points_of(gaps: &Gaps, machine: &Machine, model: &dyn RatioModel, partial: bool) -> Vec<BenchPoint> {
+/// As [`points`], with the leakage of other gaps.
+pub fn points_of(gaps: &Gaps, machine: &Machine, model: &dyn PlantModel, partial: bool) -> Vec<BenchPoint> {
     let mut all = Vec::new();
     for t in [30.0, 60.0, 90.0] {
         for n in [1000.0, 2000.0, 2800.0] {
@@ -98,7 +97,7 @@ pub fn kou_error_pct(machine: &Machine, result: &Identification) -> (f64, f64) {
     (error.mean, error.max)
 }
 
-/// Error of the law against a leakage of these gaps.
+/// Error of the law against the leakage of these gaps.
 pub fn kou_error_of(gaps: &Gaps, machine: &Machine, result: &Identification) -> KouError {
     let errors: Vec<f64> = result
         .points
@@ -112,7 +111,7 @@ pub fn kou_error_of(gaps: &Gaps, machine: &Machine, result: &Identification) -> 
     KouError::over(&errors)
 }
 
-/// Error of the quadratic that is fitted to the truth itself, relatively: none has a smaller root mean square.
+/// Error of the quadratic fitted to the truth with relative weights: the smallest possible root mean square.
 pub fn best_quadratic_of(gaps: &Gaps, machine: &Machine, result: &Identification) -> KouError {
     let points: Vec<BenchPoint> = result.points.iter().map(|p| p.point).filter(|p| p.alpha == 1.0).collect();
     let rows: Vec<f64> = points

@@ -10,10 +10,10 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use super::calibrated_args::CalibratedArgs;
+use super::class_arg::ClassArg;
 use super::failure::Failure;
 use super::output::{print_json, print_text};
 use crate::evaluate::TrialSettings;
-use kou_identify::calibration::SensorClass;
 use kou_records::InputError;
 use study::{StudyPlan, study};
 
@@ -34,7 +34,7 @@ pub struct Args {
     pub seed: u64,
     /// Class of the simulated sensors.
     #[arg(long, value_enum, default_value = "B")]
-    pub class: SensorClass,
+    pub class: ClassArg,
     /// Misfit of the law over operating points, relative, 1 sigma.
     #[arg(long, default_value_t = 0.02)]
     pub misfit: f64,
@@ -57,9 +57,9 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let (_, calibration, params) = args.given.read()?;
     for (name, value, range) in [
-        ("--hours", args.hours, kou_records::Range::new(1.0, 100_000.0, "h")),
-        ("--misfit", args.misfit, kou_records::Range::new(0.0, 0.3, "")),
-        ("--oil-ageing-per-h", args.oil_ageing_per_h, kou_records::Range::new(0.0, 0.1, "1/h")),
+        ("--hours", args.hours, kou_records::AllowedRange::new(1.0, 100_000.0, "h")),
+        ("--misfit", args.misfit, kou_records::AllowedRange::new(0.0, 0.3, "")),
+        ("--oil-ageing-per-h", args.oil_ageing_per_h, kou_records::AllowedRange::new(0.0, 0.1, "1/h")),
     ] {
         if !range.contains(value) {
             return Err(InputError::new(format!("{name} is out of range"))
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let settings = TrialSettings {
         params,
         limits: [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()],
-        class: args.class,
+        class: args.class.into(),
         misfit: args.misfit,
         oil_ageing_per_h: args.oil_ageing_per_h,
         worn_sd: 0.0,

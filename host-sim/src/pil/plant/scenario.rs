@@ -5,7 +5,7 @@ use std::path::Path;
 use kou_app::storage::Kind as RecordKind;
 use serde::Deserialize;
 
-use kou_records::{InputError, Range, TomlFile};
+use kou_records::{AllowedRange, InputError, TomlFile};
 
 /// Version of the format.
 const SCHEMA: u32 = 1;
@@ -260,27 +260,35 @@ impl Scenario {
     /// As [`load`](Self::load).
     pub fn from_toml(file: &TomlFile) -> Result<Self, InputError> {
         let raw: ScenarioFile = file.parse()?;
-        file.check("schema", f64::from(raw.schema), Range::new(f64::from(SCHEMA), f64::from(SCHEMA), ""))?;
-        file.check("duration_s", raw.duration_s, Range::new(0.01, 7.0 * 86_400.0, "s"))?;
+        file.check(
+            "schema",
+            f64::from(raw.schema),
+            AllowedRange::new(f64::from(SCHEMA), f64::from(SCHEMA), ""),
+        )?;
+        file.check("duration_s", raw.duration_s, AllowedRange::new(0.01, 7.0 * 86_400.0, "s"))?;
         if raw.at.is_empty() {
             return Err(file.error_at("at", "needs one entry at least"));
         }
         let mut before = f64::NEG_INFINITY;
         for command in &raw.at {
-            let check = |what: &str, value: f64, range: Range| {
+            let check = |what: &str, value: f64, range: AllowedRange| {
                 if range.contains(value) {
                     return Ok(());
                 }
                 let error = file.error_at("at", format!("at {} s: {what} is out of range", command.time_s));
                 Err(error.with_value(value).with_allowed(range))
             };
-            check("time_s (in order)", command.time_s, Range::new(before.max(0.0), raw.duration_s, "s"))?;
+            check(
+                "time_s (in order)",
+                command.time_s,
+                AllowedRange::new(before.max(0.0), raw.duration_s, "s"),
+            )?;
             before = command.time_s;
-            check("n_p_rpm", command.n_p_rpm, Range::new(0.0, 4000.0, "r/min"))?;
-            check("alpha", command.alpha, Range::new(-1.0, 1.0, ""))?;
-            check("load_nm", command.load_nm, Range::new(0.0, 1.0e5, "N m"))?;
-            check("t_b_c", command.t_b_c, Range::new(-20.0, 120.0, "degC"))?;
-            check("wear", command.wear, Range::new(0.1, 20.0, ""))?;
+            check("n_p_rpm", command.n_p_rpm, AllowedRange::new(0.0, 4000.0, "r/min"))?;
+            check("alpha", command.alpha, AllowedRange::new(-1.0, 1.0, ""))?;
+            check("load_nm", command.load_nm, AllowedRange::new(0.0, 1.0e5, "N m"))?;
+            check("t_b_c", command.t_b_c, AllowedRange::new(-20.0, 120.0, "degC"))?;
+            check("wear", command.wear, AllowedRange::new(0.1, 20.0, ""))?;
         }
         let span = |what: &str, from: f64, until: f64| {
             if from >= 0.0 && until >= from && until <= raw.duration_s {
@@ -304,7 +312,7 @@ impl Scenario {
         for update in &raw.update {
             span("update", update.from_s, update.from_s + update.within_s)?;
         }
-        file.check("keep_s", f64::from(raw.keep_s), Range::new(1.0, 86_400.0, "s"))?;
+        file.check("keep_s", f64::from(raw.keep_s), AllowedRange::new(1.0, 86_400.0, "s"))?;
         for expect in &raw.expect {
             span("expect", expect.from_s + expect.after_s, expect.until_s)?;
         }

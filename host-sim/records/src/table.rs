@@ -1,55 +1,51 @@
-//! Tables of numbers as they come from benches and vehicles: CSV, read row by row, through a mapping.
+//! CSV tables of measured quantities, read row by row through a [`Mapping`].
 //!
-//! Lines beginning with `#` are comments. A byte-order mark is skipped. The delimiter is found from the heading. Rows
-//! are read one at a time, so a file may be larger than memory.
-
-mod mapping;
-mod units;
+//! Lines that start with `#` are comments; a byte-order mark is skipped; the delimiter is detected from the heading. Rows
+//! are streamed, so a file may be larger than memory.
 
 use std::fmt;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-pub use mapping::{Mapping, Select, Source};
-pub use units::{Conversion, Quantity};
+use crate::input_error::InputError;
+use crate::mapping::{ColumnSource, Mapping, RowFilter};
+use crate::quantity::{MeasuredQuantity, UnitConversion};
 
-use crate::InputError;
-
-/// Longest line that is taken for text; longer ones mean that the file is no table.
+/// Length limit of the comments and the heading; a longer line means that the file is not a table.
 const MAX_HEADING_BYTES: usize = 1 << 20;
 
-/// One cell of a quantity.
+/// Cell of a measured quantity.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
-    /// A number, in our unit. May be NaN or infinite when the file says so.
+pub enum TableCell {
+    /// Number in the internal unit. NaN or infinite where the file states it.
     Number(f64),
-    /// Nothing, or a text that the mapping declares to mean nothing.
+    /// Empty, or a text that the mapping declares as missing.
     Missing,
     /// Any other text.
     Text(String),
 }
 
-/// Where a quantity is found in a row.
+/// Location of a quantity in a row.
 #[derive(Debug, Clone)]
-enum Place {
-    Column(usize, Conversion),
+enum CellLocation {
+    Column(usize, UnitConversion),
     Constant(f64),
     Absent,
 }
 
-/// A table being read.
+/// Streaming reader of a CSV table.
 pub struct Table {
     path: PathBuf,
     reader: csv::Reader<Box<dyn Read>>,
     record: csv::StringRecord,
     headings: Vec<String>,
-    places: Vec<(Quantity, Place)>,
-    select: Vec<(usize, Select)>,
+    locations: Vec<(MeasuredQuantity, CellLocation)>,
+    filters: Vec<(usize, RowFilter)>,
     carry: Vec<(usize, String)>,
     missing: Vec<String>,
     decimal_comma: bool,
-    passed_over: u64,
+    skipped_rows: u64,
 }
 
 impl fmt::Debug for Table {
@@ -59,7 +55,7 @@ impl fmt::Debug for Table {
 }
 
 impl Table {
-    /// Opens a table and finds its columns.
+    /// Opens a table and locates its columns.
     ///
     /// # Errors
     /// When the file cannot be read, has no heading, or lacks a column that the mapping names.
@@ -74,60 +70,59 @@ impl Table {
         let mut buffered = BufReader::with_capacity(1 << 16, source);
         let heading_start = peek_heading(&mut buffered).map_err(|e| fail(format!("cannot be read: {e}")))?;
         let delimiter = mapping.delimiter.unwrap_or_else(|| guess_delimiter(&heading_start));
-        let whole: Box<dyn Read> = Box::new(std::io::Cursor::new(heading_start).chain(buffered));
+        let rewound: Box<dyn Read> = Box::new(std::io::Cursor::new(heading_start).chain(buffered));
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
             .delimiter(delimiter)
             .trim(csv::Trim::All)
-            .from_reader(whole);
+            .from_reader(rewound);
         let headings: Vec<String> =
             reader.headers().map_err(|e| csv_error(path, &e))?.iter().map(str::to_string).collect();
         if headings.iter().all(String::is_empty) {
             return Err(fail("is empty: a heading with column names is needed".into()));
         }
         let index = |name: &str| headings.iter().position(|h| h == name);
-        let needs = |name: &str, why: &str| {
+        let required_column = |name: &str, why: &str| {
             index(name).ok_or_else(|| {
                 fail(format!("has no column `{name}`, which {why}"))
                     .at_line(1)
                     .with_allowed(headings.join(", "))
             })
         };
-        let mut places = Vec::new();
-        for quantity in Quantity::ALL {
-            let place = match mapping.sources.get(&quantity) {
-                Some(Source::Constant(value)) => Place::Constant(*value),
-                Some(Source::Column(name, conversion)) => Place::Column(
-                    needs(name, &format!("the mapping names for {}", quantity.column()))?,
+        let mut locations = Vec::new();
+        for quantity in MeasuredQuantity::ALL {
+            let location = match mapping.sources.get(&quantity) {
+                Some(ColumnSource::Constant(value)) => CellLocation::Constant(*value),
+                Some(ColumnSource::Column(name, conversion)) => CellLocation::Column(
+                    required_column(name, &format!("the mapping names for {}", quantity.column()))?,
                     *conversion,
                 ),
-                None => {
-                    index(quantity.column()).map_or(Place::Absent, |i| Place::Column(i, Conversion::NONE))
-                }
+                None => index(quantity.column())
+                    .map_or(CellLocation::Absent, |i| CellLocation::Column(i, UnitConversion::NONE)),
             };
-            places.push((quantity, place));
+            locations.push((quantity, location));
         }
-        let select = mapping
+        let filters = mapping
             .select
             .iter()
-            .map(|s| Ok((needs(&s.column, "the mapping selects by")?, s.clone())))
+            .map(|s| Ok((required_column(&s.column, "the mapping selects by")?, s.clone())))
             .collect::<Result<_, InputError>>()?;
         let carry = mapping
             .carry
             .iter()
-            .map(|name| Ok((needs(name, "the mapping carries over")?, name.clone())))
+            .map(|name| Ok((required_column(name, "the mapping carries over")?, name.clone())))
             .collect::<Result<_, InputError>>()?;
         Ok(Self {
             path: path.to_path_buf(),
             reader,
             record: csv::StringRecord::new(),
             headings,
-            places,
-            select,
+            locations,
+            filters,
             carry,
             missing: mapping.missing.clone(),
             decimal_comma: mapping.decimal_comma,
-            passed_over: 0,
+            skipped_rows: 0,
         })
     }
 
@@ -137,32 +132,32 @@ impl Table {
         &self.path
     }
 
-    /// Whether the table has the quantity, as a column or as a constant.
+    /// Whether the table has the quantity, as column or constant.
     #[must_use]
-    pub fn has(&self, quantity: Quantity) -> bool {
-        self.places.iter().any(|(q, place)| *q == quantity && !matches!(place, Place::Absent))
+    pub fn has(&self, quantity: MeasuredQuantity) -> bool {
+        self.locations.iter().any(|(q, at)| *q == quantity && !matches!(at, CellLocation::Absent))
     }
 
-    /// Error for a quantity that the table must have.
+    /// Error for a missing column.
     #[must_use]
-    pub fn lacks(&self, what: &str) -> InputError {
+    pub fn missing_column(&self, what: &str) -> InputError {
         InputError::new(format!("has no column {what}; a mapping file can name another or give a constant"))
             .at_file(&self.path)
             .with_allowed(self.headings.join(", "))
     }
 
-    /// Names of the columns that the mapping carries over.
+    /// Names of the columns copied to the output.
     pub fn carried_names(&self) -> impl Iterator<Item = &str> {
         self.carry.iter().map(|(_, name)| name.as_str())
     }
 
-    /// Rows that the mapping's conditions passed over so far.
+    /// Number of rows rejected by the row filters so far.
     #[must_use]
-    pub fn passed_over(&self) -> u64 {
-        self.passed_over
+    pub fn skipped_rows(&self) -> u64 {
+        self.skipped_rows
     }
 
-    /// Moves to the next row that the mapping selects; false at the end.
+    /// Advances to the next row that matches the row filters; false at the end.
     ///
     /// # Errors
     /// A row with too few or too many cells, or that is not UTF-8, with its line.
@@ -171,77 +166,77 @@ impl Table {
             if !self.reader.read_record(&mut self.record).map_err(|e| csv_error(&self.path, &e))? {
                 return Ok(false);
             }
-            let taken = self.select.iter().all(|(i, select)| {
+            let matches = self.filters.iter().all(|(i, filter)| {
                 self.record
                     .get(*i)
                     .and_then(|text| self.number(text))
-                    .is_some_and(|value| select.takes(value))
+                    .is_some_and(|value| filter.matches(value))
             });
-            if taken {
+            if matches {
                 return Ok(true);
             }
-            self.passed_over += 1;
+            self.skipped_rows += 1;
         }
     }
 
-    /// Line of the present row, from 1.
+    /// Line of the current row, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
         self.record.position().map_or(0, csv::Position::line)
     }
 
-    /// The present row's cell of a quantity; nothing when the table lacks it.
+    /// Cell of a quantity in the current row; `None` when the table lacks the quantity.
     #[must_use]
-    pub fn cell(&self, quantity: Quantity) -> Option<Cell> {
-        let (_, place) = self.places.iter().find(|(q, _)| *q == quantity)?;
-        match place {
-            Place::Absent => None,
-            Place::Constant(value) => Some(Cell::Number(*value)),
-            Place::Column(index, conversion) => {
+    pub fn cell(&self, quantity: MeasuredQuantity) -> Option<TableCell> {
+        let (_, location) = self.locations.iter().find(|(q, _)| *q == quantity)?;
+        match location {
+            CellLocation::Absent => None,
+            CellLocation::Constant(value) => Some(TableCell::Number(*value)),
+            CellLocation::Column(index, conversion) => {
                 let text = self.record.get(*index).unwrap_or_default();
                 if text.is_empty() || self.missing.iter().any(|m| m == text) {
-                    return Some(Cell::Missing);
+                    return Some(TableCell::Missing);
                 }
                 Some(match self.number(text) {
-                    Some(number) => Cell::Number(conversion.apply(number)),
-                    None => Cell::Text(text.to_string()),
+                    Some(number) => TableCell::Number(conversion.apply(number)),
+                    None => TableCell::Text(text.to_string()),
                 })
             }
         }
     }
 
-    /// Error about the present row's cell of a quantity.
+    /// Error about the cell of a quantity in the current row.
     #[must_use]
-    pub fn error(&self, quantity: Quantity, message: impl Into<String>) -> InputError {
+    pub fn error(&self, quantity: MeasuredQuantity, message: impl Into<String>) -> InputError {
         let error = InputError::new(message).at_file(&self.path).at_line(self.line());
-        match self.places.iter().find(|(q, _)| *q == quantity) {
-            Some((_, Place::Column(index, _))) => error
+        match self.locations.iter().find(|(q, _)| *q == quantity) {
+            Some((_, CellLocation::Column(index, _))) => error
                 .at_column(format!(
                     "{} ({})",
                     index + 1,
                     self.headings.get(*index).map_or("", String::as_str)
                 ))
                 .with_value(self.record.get(*index).unwrap_or_default()),
-            Some((_, Place::Constant(value))) => error.at_column(quantity.column()).with_value(value),
+            Some((_, CellLocation::Constant(value))) => error.at_column(quantity.column()).with_value(value),
             _ => error.at_column(quantity.column()),
         }
     }
 
-    /// The present row's number of a quantity that must be there and in its bench range.
+    /// Number of a mandatory quantity in the current row, checked against its bench range.
     ///
     /// # Errors
-    /// When it is missing, no number or out of range.
-    pub fn required(&self, quantity: Quantity) -> Result<f64, InputError> {
+    /// A missing cell, a text or a number out of range.
+    pub fn required(&self, quantity: MeasuredQuantity) -> Result<f64, InputError> {
         let range = quantity.bench_range();
         match self.cell(quantity) {
-            Some(Cell::Number(value)) if range.contains(value) => Ok(value),
-            Some(Cell::Number(_)) => Err(self.error(quantity, "is out of range").with_allowed(range)),
-            Some(Cell::Text(_)) => Err(self.error(quantity, "is not a number").with_allowed(range)),
-            Some(Cell::Missing) | None => Err(self.error(quantity, "is missing").with_allowed(range)),
+            Some(TableCell::Number(value)) if range.contains(value) => Ok(value),
+            Some(TableCell::Number(_)) => Err(self.error(quantity, "is out of range").with_allowed(range)),
+            Some(TableCell::Text(_)) => Err(self.error(quantity, "is not a number").with_allowed(range)),
+            Some(TableCell::Missing) | None => Err(self.error(quantity, "is missing").with_allowed(range)),
         }
     }
 
-    /// The present row's cells that the mapping carries over.
+    /// Cells of the current row that are copied to the output.
     pub fn carried(&self) -> impl Iterator<Item = &str> {
         self.carry.iter().map(|(i, _)| self.record.get(*i).unwrap_or_default())
     }
@@ -251,7 +246,7 @@ impl Table {
     }
 }
 
-/// Reads up to and including the first line that is no comment, without a byte-order mark.
+/// Reads up to and including the first line that is not a comment, without the byte-order mark.
 fn peek_heading(reader: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     loop {
@@ -270,7 +265,7 @@ fn peek_heading(reader: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The delimiter that occurs most often in the heading: comma, semicolon or tab.
+/// Most frequent delimiter of the heading: comma, semicolon or tab.
 fn guess_delimiter(bytes: &[u8]) -> u8 {
     let body = bytes.strip_suffix(b"\n").unwrap_or(bytes);
     let heading = body.rsplit(|&b| b == b'\n').next().unwrap_or_default();
@@ -307,8 +302,8 @@ mod tests {
         let mapping = Mapping { decimal_comma: true, ..Mapping::default() };
         let mut table = table("\u{feff}# Pruefstand 3\nn_p_rpm;p_h_mpa\n999,23;31,06\n", &mapping).unwrap();
         assert!(table.advance().unwrap());
-        assert_eq!(table.cell(Quantity::PumpSpeed), Some(Cell::Number(999.23)));
-        assert_eq!(table.required(Quantity::HighPressure).unwrap(), 31.06);
+        assert_eq!(table.cell(MeasuredQuantity::PumpSpeed), Some(TableCell::Number(999.23)));
+        assert_eq!(table.required(MeasuredQuantity::HighPressure).unwrap(), 31.06);
         assert!(!table.advance().unwrap());
     }
 
@@ -322,13 +317,13 @@ mod tests {
             "t.csv:4: column 2 (p_h_mpa): is missing (value ``; allowed: 0.5 to 100 MPa)",
         ] {
             assert!(table.advance().unwrap());
-            assert_eq!(table.required(Quantity::HighPressure).unwrap_err().to_string(), wanted);
+            assert_eq!(table.required(MeasuredQuantity::HighPressure).unwrap_err().to_string(), wanted);
         }
         assert_eq!(table.advance().unwrap_err().to_string(), "t.csv:5: has 1 cells where the heading has 2");
     }
 
     #[test]
-    fn empty_file_is_named_as_such() {
+    fn empty_file_is_reported_as_empty() {
         assert!(table("", &Mapping::default()).unwrap_err().to_string().contains("is empty"));
     }
 }

@@ -1,16 +1,16 @@
-//! TOML files that people edit: parsed with unknown keys refused, and every later complaint led back to its line.
+//! TOML files with located errors: unknown keys are rejected, and a later check can name line and column of any key.
 
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use toml_edit::{Document, Item, TableLike};
 
-use super::{InputError, Range};
+use crate::input_error::{AllowedRange, InputError};
 
-/// Largest TOML file that is read; real ones are a few kilobytes.
+/// Size limit of a TOML file; real ones have a few kilobytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// A TOML file in memory, able to say where each of its keys stands.
+/// Parsed TOML file with the position of every key.
 #[derive(Debug, Clone)]
 pub struct TomlFile {
     path: PathBuf,
@@ -35,31 +35,23 @@ impl TomlFile {
         Self::from_text(path, text)
     }
 
-    /// Parses `text` as if it had been read from `path`.
+    /// Parses `text`; `path` is used for error messages only.
     ///
     /// # Errors
     /// When the text is not TOML, with line and column.
     pub fn from_text(path: &Path, text: String) -> Result<Self, InputError> {
-        let document = Document::parse(text.clone()).map_err(|e| {
-            let error = InputError::new(e.message().to_string()).at_file(path);
-            match e.span() {
-                Some(span) => {
-                    let (line, column) = line_and_column(&text, span.start);
-                    error.at_line(line).at_column(column)
-                }
-                None => error,
-            }
-        })?;
+        let document = Document::parse(text.clone())
+            .map_err(|e| located(InputError::new(e.message().to_string()).at_file(path), &text, e.span()))?;
         Ok(Self { path: path.to_path_buf(), text, document })
     }
 
-    /// Path from which the file was read.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The file's text.
+    /// Text of the file.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
@@ -72,18 +64,12 @@ impl TomlFile {
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T, InputError> {
         toml::from_str(&self.text).map_err(|e| {
             let error = InputError::new(e.message().trim_end().to_string()).at_file(&self.path);
-            match e.span() {
-                Some(span) => {
-                    let (line, column) = line_and_column(&self.text, span.start);
-                    error.at_line(line).at_column(column)
-                }
-                None => error,
-            }
+            located(error, &self.text, e.span())
         })
     }
 
-    /// Error about the value under the dotted `key` (for instance `pump.displacement_cm3_per_rev`), with the line and
-    /// column at which it stands, or those of the nearest table that exists when the key itself is absent.
+    /// Error about the value of the dotted `key` (for instance `pump.displacement_cm3_per_rev`), with line and column of the
+    /// value, or of the nearest enclosing table when the key is absent.
     #[must_use]
     pub fn error_at(&self, key: &str, message: impl Into<String>) -> InputError {
         let error = InputError::new(format!("`{key}` {}", message.into())).at_file(&self.path);
@@ -97,11 +83,11 @@ impl TomlFile {
         }
     }
 
-    /// Checks that the number under the dotted `key` lies in `range`.
+    /// Checks that the value of the dotted `key` is in `range`.
     ///
     /// # Errors
-    /// When it does not, or is not a number, naming line, column, value and range.
-    pub fn check(&self, key: &str, value: f64, range: Range) -> Result<f64, InputError> {
+    /// A value out of range or not finite, with line, column, value and range.
+    pub fn check(&self, key: &str, value: f64, range: AllowedRange) -> Result<f64, InputError> {
         if range.contains(value) {
             Ok(value)
         } else {
@@ -109,7 +95,7 @@ impl TomlFile {
         }
     }
 
-    /// Byte offset and text of the value under `key`; offset of the nearest enclosing table when it is absent.
+    /// Byte offset and text of the value of `key`; offset of the nearest enclosing table when it is absent.
     fn find(&self, key: &str) -> Option<(usize, String)> {
         let mut table: &dyn TableLike = self.document.as_table();
         let mut nearest = None;
@@ -130,6 +116,17 @@ impl TomlFile {
             table = item.as_table_like()?;
         }
         nearest
+    }
+}
+
+/// Adds line and column of a parse error, where the parser states them.
+fn located(error: InputError, text: &str, span: Option<std::ops::Range<usize>>) -> InputError {
+    match span {
+        Some(span) => {
+            let (line, column) = line_and_column(text, span.start);
+            error.at_line(line).at_column(column)
+        }
+        None => error,
     }
 }
 
@@ -154,7 +151,7 @@ mod tests {
 
     #[test]
     fn range_error_names_line_column_value_and_range() {
-        let range = Range::new(1.0, 2000.0, "cm3/rev");
+        let range = AllowedRange::new(1.0, 2000.0, "cm3/rev");
         let text = file().check("pump.displacement_cm3_per_rev", -3.5, range).unwrap_err().to_string();
         assert_eq!(
             text,
@@ -164,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn absent_key_is_led_to_its_table() {
+    fn absent_key_is_located_at_its_table() {
         let error = file().error_at("pump.valve_plate.arc_deg", "is missing");
         assert_eq!(error.line, Some(2));
     }

@@ -1,42 +1,43 @@
-//! Mapping file: how a bench engineer's own CSV becomes our quantities, without editing it. Format: `docs/files.md`.
+//! Mapping files (TOML): columns, units and row filters of a foreign CSV table. Format: `docs/files.md`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
 
-use super::units::{Conversion, Quantity};
-use crate::{InputError, TomlFile};
+use crate::input_error::InputError;
+use crate::quantity::{MeasuredQuantity, UnitConversion};
+use crate::toml_file::TomlFile;
 
-/// Schema of mapping files that this version reads.
+/// Supported schema of mapping files.
 const SCHEMA: u32 = 1;
 
-/// Where a quantity comes from.
+/// Source of a quantity.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
-    /// A column of the file, with its conversion.
-    Column(String, Conversion),
-    /// The same value in every row.
+pub enum ColumnSource {
+    /// Column of the file, with its unit conversion.
+    Column(String, UnitConversion),
+    /// Constant value for all rows.
     Constant(f64),
 }
 
-/// Condition that a row must fulfil to be read.
+/// Condition for reading a row.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Select {
-    /// Column of the file.
+pub struct RowFilter {
+    /// Column of the file that is compared.
     pub column: String,
-    /// Take the value modulo this before comparing.
+    /// Divisor: the value modulo this number is compared.
     #[serde(default)]
     pub modulo: Option<f64>,
-    /// Closed intervals of which the value must lie in one.
+    /// Closed intervals; the value must be in one of them.
     pub ranges: Vec<[f64; 2]>,
 }
 
-impl Select {
-    /// Whether a row with this value is read; a value that is no number never is.
+impl RowFilter {
+    /// Whether a row with this value is read; never for NaN.
     #[must_use]
-    pub fn takes(&self, value: f64) -> bool {
+    pub fn matches(&self, value: f64) -> bool {
         let value = match self.modulo {
             Some(modulo) => value.rem_euclid(modulo),
             None => value,
@@ -45,29 +46,29 @@ impl Select {
     }
 }
 
-/// A checked mapping.
+/// Validated mapping from the columns of a file to measured quantities.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mapping {
-    /// Sources of the quantities it names; the others come from columns of our own names.
-    pub sources: BTreeMap<Quantity, Source>,
-    /// Cells that mean that there is no reading.
+    /// Sources of the mapped quantities; the others are read from the columns with the default names.
+    pub sources: BTreeMap<MeasuredQuantity, ColumnSource>,
+    /// Texts that mark a missing reading.
     pub missing: Vec<String>,
-    /// Character between cells; found from the heading when absent.
+    /// Delimiter; detected from the heading when absent.
     pub delimiter: Option<u8>,
-    /// Whether numbers are written with a comma.
+    /// Whether numbers have a decimal comma.
     pub decimal_comma: bool,
-    /// Conditions on rows; all must hold.
-    pub select: Vec<Select>,
-    /// Columns of the file that are copied to the output.
+    /// Row filters; a row must match all of them.
+    pub select: Vec<RowFilter>,
+    /// Columns copied to the output.
     pub carry: Vec<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Raw {
+struct MappingToml {
     schema: u32,
     #[serde(default)]
-    columns: BTreeMap<String, RawColumn>,
+    columns: BTreeMap<String, ColumnToml>,
     #[serde(default)]
     constants: BTreeMap<String, f64>,
     #[serde(default)]
@@ -75,21 +76,21 @@ struct Raw {
     delimiter: Option<String>,
     decimal: Option<String>,
     #[serde(default)]
-    select: Vec<Select>,
+    select: Vec<RowFilter>,
     #[serde(default)]
     carry: Vec<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum RawColumn {
+enum ColumnToml {
     Name(String),
-    Full(RawFull),
+    Detailed(DetailedColumnToml),
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawFull {
+struct DetailedColumnToml {
     from: String,
     unit: Option<String>,
     #[serde(default = "one")]
@@ -106,24 +107,28 @@ impl Mapping {
     /// Reads and checks a mapping file.
     ///
     /// # Errors
-    /// Anything that is not understood, with line and column.
+    /// Unknown keys, quantities or units and invalid values, with line and column.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         Self::from_toml(&TomlFile::read(path)?)
     }
 
-    fn from_toml(file: &TomlFile) -> Result<Self, InputError> {
-        let raw: Raw = file.parse()?;
+    /// Checks a mapping that is already in memory.
+    ///
+    /// # Errors
+    /// As [`Mapping::read`].
+    pub fn from_toml(file: &TomlFile) -> Result<Self, InputError> {
+        let raw: MappingToml = file.parse()?;
         if raw.schema != SCHEMA {
-            return Err(file.error_at("schema", "is not known to this version").with_allowed(SCHEMA));
+            return Err(file.error_at("schema", "is not supported by this version").with_allowed(SCHEMA));
         }
         let mut sources = BTreeMap::new();
         for (name, column) in raw.columns {
             let key = format!("columns.{name}");
             let quantity = quantity(file, &key, &name)?;
             let source = match column {
-                RawColumn::Name(from) => Source::Column(from, Conversion::NONE),
-                RawColumn::Full(full) => {
-                    Source::Column(full.from.clone(), conversion(file, &key, quantity, &full)?)
+                ColumnToml::Name(from) => ColumnSource::Column(from, UnitConversion::NONE),
+                ColumnToml::Detailed(column) => {
+                    ColumnSource::Column(column.from.clone(), conversion(file, &key, quantity, &column)?)
                 }
             };
             sources.insert(quantity, source);
@@ -132,8 +137,8 @@ impl Mapping {
             let key = format!("constants.{name}");
             let quantity = quantity(file, &key, &name)?;
             file.check(&key, value, quantity.bench_range())?;
-            if sources.insert(quantity, Source::Constant(value)).is_some() {
-                return Err(file.error_at(&key, "is mapped to a column as well; one of the two must go"));
+            if sources.insert(quantity, ColumnSource::Constant(value)).is_some() {
+                return Err(file.error_at(&key, "is mapped to a column as well; remove one of the two"));
             }
         }
         for (i, select) in raw.select.iter().enumerate() {
@@ -178,32 +183,32 @@ impl Mapping {
     }
 }
 
-fn quantity(file: &TomlFile, key: &str, name: &str) -> Result<Quantity, InputError> {
-    Quantity::from_column(name).ok_or_else(|| {
-        let names = Quantity::ALL.map(Quantity::column).join(", ");
-        file.error_at(key, "is no quantity of ours").with_allowed(names)
+fn quantity(file: &TomlFile, key: &str, name: &str) -> Result<MeasuredQuantity, InputError> {
+    MeasuredQuantity::from_column(name).ok_or_else(|| {
+        let names = MeasuredQuantity::ALL.map(MeasuredQuantity::column).join(", ");
+        file.error_at(key, "is not a known quantity").with_allowed(names)
     })
 }
 
 fn conversion(
     file: &TomlFile,
     key: &str,
-    quantity: Quantity,
-    full: &RawFull,
-) -> Result<Conversion, InputError> {
-    if !(full.scale.is_finite() && full.scale != 0.0 && full.offset.is_finite()) {
+    quantity: MeasuredQuantity,
+    column: &DetailedColumnToml,
+) -> Result<UnitConversion, InputError> {
+    if !(column.scale.is_finite() && column.scale != 0.0 && column.offset.is_finite()) {
         return Err(file.error_at(key, "has a scale of zero or a number that is not finite"));
     }
-    let unit = match full.unit.as_deref() {
-        None => Conversion::NONE,
+    let unit = match column.unit.as_deref() {
+        None => UnitConversion::NONE,
         Some(unit) => quantity.conversion(unit).map_err(|known| {
-            file.error_at(key, format!("has a unit that is not known for {}", quantity.column()))
+            file.error_at(key, format!("has a unit that is unknown for {}", quantity.column()))
                 .with_value(unit)
                 .with_allowed(known)
         })?,
     };
-    // The file's number is scaled and offset first (raw counts to its unit), then converted to our unit.
-    Ok(Conversion { scale: full.scale * unit.scale, offset: full.offset * unit.scale + unit.offset })
+    // Scale and offset convert raw counts to the stated unit; the unit's conversion follows.
+    Ok(UnitConversion { scale: column.scale * unit.scale, offset: column.offset * unit.scale + unit.offset })
 }
 
 #[cfg(test)]
@@ -215,23 +220,25 @@ mod tests {
     }
 
     #[test]
-    fn columns_constants_and_units_are_understood() {
+    fn columns_constants_and_units_are_parsed() {
         let mapping = parse(
             "schema = 1\n[columns]\np_h_mpa = { from = \"PS1\", unit = \"bar\", scale = 0.5, offset = 2.0 }\n\
              t_b_c = \"TS1\"\n[constants]\nn_p_rpm = 1000.0\n",
         )
         .unwrap();
-        let Some(Source::Column(name, conversion)) = mapping.sources.get(&Quantity::HighPressure) else {
+        let Some(ColumnSource::Column(name, conversion)) =
+            mapping.sources.get(&MeasuredQuantity::HighPressure)
+        else {
             panic!()
         };
         assert_eq!(name, "PS1");
         // 300 counts are 152 bar, are 15.2 MPa.
         assert!((conversion.apply(300.0) - 15.2).abs() < 1e-12);
-        assert_eq!(mapping.sources.get(&Quantity::PumpSpeed), Some(&Source::Constant(1000.0)));
+        assert_eq!(mapping.sources.get(&MeasuredQuantity::PumpSpeed), Some(&ColumnSource::Constant(1000.0)));
     }
 
     #[test]
-    fn mistakes_name_line_and_what_is_allowed() {
+    fn errors_name_line_and_allowed_values() {
         for (text, line, part) in [
             ("schema = 1\n[columns]\np_high = \"PS1\"\n", 3, "n_p_rpm"),
             ("schema = 1\n[columns]\np_h_mpa = { from = \"a\", unit = \"K\" }\n", 3, "bar"),
@@ -245,10 +252,10 @@ mod tests {
     }
 
     #[test]
-    fn select_works_modulo_and_refuses_nan() {
-        let select =
-            Select { column: "t".into(), modulo: Some(60.0), ranges: vec![[13.0, 18.0], [22.0, 28.0]] };
-        assert!(select.takes(43920.0 + 13.0) && select.takes(28.0));
-        assert!(!select.takes(20.0) && !select.takes(f64::NAN));
+    fn row_filter_compares_modulo_and_rejects_nan() {
+        let filter =
+            RowFilter { column: "t".into(), modulo: Some(60.0), ranges: vec![[13.0, 18.0], [22.0, 28.0]] };
+        assert!(filter.matches(43920.0 + 13.0) && filter.matches(28.0));
+        assert!(!filter.matches(20.0) && !filter.matches(f64::NAN));
     }
 }

@@ -1,34 +1,34 @@
-//! The one error that bad input produces: file, line, column, value and the allowed range, as far as they are known.
+//! Error type for invalid input files: file, line, column, value and allowed range, as far as they are known.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Closed interval of allowed values together with the unit in which it is stated.
+/// Closed interval of allowed values, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
-    /// Smallest allowed value.
+pub struct AllowedRange {
+    /// Lower bound.
     pub min: f64,
-    /// Largest allowed value.
+    /// Upper bound.
     pub max: f64,
-    /// Unit as it is printed, for instance `MPa`; empty for a pure number.
+    /// Unit as printed, for instance `MPa`; empty for a dimensionless number.
     pub unit: &'static str,
 }
 
-impl Range {
-    /// Range from `min` to `max`, both allowed, in `unit`.
+impl AllowedRange {
+    /// Range from `min` to `max`, both included, in `unit`.
     #[must_use]
     pub const fn new(min: f64, max: f64, unit: &'static str) -> Self {
         Self { min, max, unit }
     }
 
-    /// Whether `value` is a number inside the range; NaN and infinities never are.
+    /// Whether `value` is finite and inside the range.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         value.is_finite() && value >= self.min && value <= self.max
     }
 }
 
-impl fmt::Display for Range {
+impl fmt::Display for AllowedRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         match (self.min.is_finite(), self.max.is_finite()) {
@@ -40,61 +40,61 @@ impl fmt::Display for Range {
     }
 }
 
-/// Bad input, with the place where it stands. Built up with the `at_`/`with_` methods.
+/// Invalid input with its location. Built with the `at_*` and `with_*` methods.
 ///
-/// Printed as `file:line: column NAME: MESSAGE (value V; allowed: R)`; parts that are not known are left out.
+/// `Display` prints `file:line: column NAME: MESSAGE (value V; allowed: R)`; unknown parts are omitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub struct InputError {
-    /// File that holds the bad input.
+    /// File with the invalid input.
     pub file: Option<PathBuf>,
-    /// Line in the file, from 1.
+    /// Line, counted from 1.
     pub line: Option<u64>,
-    /// Column name of a table, or the position in the line for free text.
+    /// Column heading of a table, or position in the line of a text file.
     pub column: Option<String>,
-    /// The offending value as it stands in the file.
+    /// Invalid value as written in the file.
     pub value: Option<String>,
-    /// What would have been allowed.
+    /// Allowed values.
     pub allowed: Option<String>,
-    /// What is wrong, in one sentence without a full stop.
+    /// Description, one sentence without a full stop.
     pub message: String,
 }
 
 impl InputError {
-    /// Error with a message and no place yet.
+    /// Error with a message and no location.
     #[must_use]
     pub fn new(message: impl Into<String>) -> Self {
         Self { file: None, line: None, column: None, value: None, allowed: None, message: message.into() }
     }
 
-    /// Names the file; a file already named stays.
+    /// Sets the file, unless one is set already.
     #[must_use]
     pub fn at_file(mut self, file: &Path) -> Self {
         self.file.get_or_insert_with(|| file.to_path_buf());
         self
     }
 
-    /// Names the line, counted from 1.
+    /// Sets the line, counted from 1.
     #[must_use]
     pub fn at_line(mut self, line: u64) -> Self {
         self.line = Some(line);
         self
     }
 
-    /// Names the column, either by its heading or by its position.
+    /// Sets the column, by heading or by position.
     #[must_use]
     pub fn at_column(mut self, column: impl ToString) -> Self {
         self.column = Some(column.to_string());
         self
     }
 
-    /// Quotes the offending value.
+    /// Sets the invalid value.
     #[must_use]
     pub fn with_value(mut self, value: impl ToString) -> Self {
         self.value = Some(value.to_string());
         self
     }
 
-    /// States what is allowed.
+    /// Sets the allowed values.
     #[must_use]
     pub fn with_allowed(mut self, allowed: impl ToString) -> Self {
         self.allowed = Some(allowed.to_string());

@@ -1,7 +1,7 @@
-//! TOML form of a calibration: the same fields as the binary record, with units in the keys, converting without loss.
+//! Calibration files: the TOML form and the binary record, which convert into each other without loss.
 //!
-//! Every f32 is written with the shortest decimal that returns the same bits, so a file written, read and written
-//! again is the same file, and its record the same record.
+//! The TOML form has the fields of the binary record, with units in the keys. Every f32 is written as the shortest decimal
+//! that parses to the same bits, so that a file that is read and written again stays identical byte for byte.
 
 use std::path::Path;
 
@@ -9,16 +9,17 @@ use kou_estimator::record;
 use kou_estimator::{Calibration, CalibrationError, Params, Problem};
 use toml::Value;
 
-use kou_records::{InputError, TomlFile};
+use crate::input_error::InputError;
+use crate::toml_file::TomlFile;
 
-/// Heading of every written file.
+/// Comment at the top of every TOML calibration.
 const HEADING: &str = "# Calibration of the leakage estimator. Units stand in the keys; docs/files.md explains every field.\n\
                        # Leakage coefficients are per piston chamber, in (L/min)/MPa.\n";
 
-/// The calibration as text.
+/// TOML form of a calibration.
 ///
 /// # Errors
-/// When a field holds what TOML cannot (never for a calibration that passed its checks).
+/// A field that TOML cannot represent; never for a valid calibration.
 pub fn to_toml(calibration: &Calibration) -> Result<String, InputError> {
     let mut value =
         Value::try_from(calibration).map_err(|e| InputError::new(format!("cannot be written: {e}")))?;
@@ -32,7 +33,7 @@ pub fn to_toml(calibration: &Calibration) -> Result<String, InputError> {
     Ok(format!("{HEADING}{body}"))
 }
 
-/// Replaces every float, an f32 widened to f64, by the shortest decimal that returns the same f32.
+/// Replaces every float, an f32 widened to f64, by the shortest decimal of that f32.
 fn shorten(value: &mut Value) {
     match value {
         Value::Float(number) => {
@@ -46,17 +47,17 @@ fn shorten(value: &mut Value) {
     }
 }
 
-/// Reads a calibration from a TOML file in memory; not yet checked.
+/// Parses a calibration from TOML, without the estimator's checks.
 ///
 /// # Errors
-/// Missing, unknown or wrongly typed fields, or a schema of another version, with line and column.
+/// Missing, unknown or wrongly typed fields, or an unsupported schema, with line and column.
 pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
     let mut table: toml::Table = file.parse()?;
     match table.remove("schema") {
         Some(Value::Integer(found)) if found == i64::from(record::calibration::SCHEMA) => {}
         Some(_) => {
             return Err(file
-                .error_at("schema", "is not known to this version")
+                .error_at("schema", "is not supported by this version")
                 .with_allowed(record::calibration::SCHEMA));
         }
         None => {
@@ -65,17 +66,14 @@ pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
                 .with_allowed(record::calibration::SCHEMA));
         }
     }
-    // First for the message with line and column, which a parsed table no longer has.
-    match file.parse::<WithSchema>() {
-        Ok(whole) => Ok(whole.calibration()),
-        Err(error) => Err(error),
-    }
+    // From the text, not from the table: only the text has lines and columns for error messages.
+    file.parse::<CalibrationToml>().map(CalibrationToml::calibration)
 }
 
-/// The calibration's fields beside the schema; a struct of its own because `flatten` would lose unknown keys.
+/// Schema and fields of a calibration; a separate struct because serde's `flatten` accepts unknown keys.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WithSchema {
+struct CalibrationToml {
     #[serde(rename = "schema")]
     _schema: i64,
     machine: kou_estimator::calibration::MachineConfig,
@@ -90,7 +88,7 @@ struct WithSchema {
     provenance: kou_estimator::calibration::Provenance,
 }
 
-impl WithSchema {
+impl CalibrationToml {
     fn calibration(self) -> Calibration {
         Calibration {
             machine: self.machine,
@@ -107,10 +105,10 @@ impl WithSchema {
     }
 }
 
-/// Reads a calibration from a TOML file or from a binary record, told apart by the record's first bytes.
+/// Reads a calibration, TOML or binary record; a record is recognised by its first bytes. Without the estimator's checks.
 ///
 /// # Errors
-/// As [`from_toml`]; for a record, what is wrong with it.
+/// As [`from_toml`]; for a record, its decoding error.
 pub fn read(path: &Path) -> Result<Calibration, InputError> {
     read_with_source(path).map(|(calibration, _)| calibration)
 }
@@ -127,10 +125,10 @@ fn read_with_source(path: &Path) -> Result<(Calibration, Option<TomlFile>), Inpu
     Ok((from_toml(&file)?, Some(file)))
 }
 
-/// Reads a calibration and checks it with the estimator's own checks.
+/// Reads a calibration and validates it with the estimator's checks.
 ///
 /// # Errors
-/// As [`read`]; besides, the first field that a check refuses, with line, column, value and range.
+/// As [`read`], and the first invalid field, with line, column, value and range.
 pub fn read_checked(path: &Path) -> Result<(Calibration, Params), InputError> {
     let (calibration, source) = read_with_source(path)?;
     match Params::new(&calibration) {
@@ -140,20 +138,20 @@ pub fn read_checked(path: &Path) -> Result<(Calibration, Params), InputError> {
 }
 
 fn located(path: &Path, source: Option<&TomlFile>, error: CalibrationError) -> InputError {
-    let at = |message: &str| match source {
+    let field_error = |message: &str| match source {
         Some(file) => file.error_at(error.field, message),
         None => InputError::new(format!("`{}` {message}", error.field)).at_file(path),
     };
     match error.problem {
-        Problem::NotFinite => at("is not a finite number"),
+        Problem::NotFinite => field_error("is not a finite number"),
         Problem::OutOfRange { value, min, max } => {
-            at("is out of range").with_value(value).with_allowed(format!("{min} to {max}"))
+            field_error("is out of range").with_value(value).with_allowed(format!("{min} to {max}"))
         }
-        Problem::Inconsistent(why) => at(&format!("is inconsistent: {why}")),
+        Problem::Inconsistent(why) => field_error(&format!("is inconsistent: {why}")),
     }
 }
 
-/// Writes a calibration: a binary record where the name ends in `.bin`, TOML otherwise.
+/// Writes a calibration: a binary record if the file name ends in `.bin`, TOML otherwise.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -168,7 +166,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> Result<(), InputError> {
     };
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)
-            .map_err(|e| InputError::new(format!("its folder cannot be made: {e}")).at_file(path))?;
+            .map_err(|e| InputError::new(format!("its folder cannot be created: {e}")).at_file(path))?;
     }
     std::fs::write(path, bytes).map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(path))
 }

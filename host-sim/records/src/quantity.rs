@@ -1,11 +1,11 @@
-//! The quantities that a table may hold, the units in which a file may state them, and what values make sense.
+//! Measured quantities of tables and logs: column names, accepted units with their conversions, and valid ranges.
 
-use crate::Range;
+use crate::input_error::AllowedRange;
 
-/// A quantity of logs and bench tables.
+/// Measured quantity of a log or bench table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Quantity {
-    /// Time since the record's beginning.
+pub enum MeasuredQuantity {
+    /// Time since the start of the record.
     Time,
     /// Pump speed.
     PumpSpeed,
@@ -13,52 +13,52 @@ pub enum Quantity {
     MotorSpeed,
     /// High pressure, gauge.
     HighPressure,
-    /// Temperature of the compensated oil.
+    /// Oil temperature.
     OilTemperature,
     /// Low pressure, gauge.
     LowPressure,
-    /// Displacement fraction of the pump.
+    /// Displacement fraction of the pump, -1 to 1.
     Displacement,
-    /// Flow into the high line.
+    /// Flow into the high-pressure line.
     Flow,
-    /// Speed ratio.
+    /// Speed ratio, motor to pump.
     Ratio,
 }
 
-/// What a file's number means: value in our unit = number * scale + offset.
+/// Linear unit conversion: value = number * scale + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Conversion {
-    /// Factor.
+pub struct UnitConversion {
+    /// Factor on the file's number.
     pub scale: f64,
-    /// Addend, in our unit.
+    /// Offset, in the internal unit.
     pub offset: f64,
 }
 
-impl Conversion {
-    /// The number is in our unit already.
+impl UnitConversion {
+    /// Identity: the number is in the internal unit already.
     pub const NONE: Self = Self { scale: 1.0, offset: 0.0 };
 
-    /// Applies the conversion.
+    /// Value in the internal unit.
     #[must_use]
     pub fn apply(self, number: f64) -> f64 {
         number * self.scale + self.offset
     }
 }
 
-/// Unit names with their conversions.
-type Units = &'static [(&'static str, f64, f64)];
+/// Unit names with scale and offset.
+type UnitTable = &'static [(&'static str, f64, f64)];
 
-const TIME: Units =
+const TIME: UnitTable =
     &[("s", 1.0, 0.0), ("ms", 1e-3, 0.0), ("us", 1e-6, 0.0), ("min", 60.0, 0.0), ("h", 3600.0, 0.0)];
-const SPEED: Units = &[
+const SPEED: UnitTable = &[
     ("r/min", 1.0, 0.0),
     ("rpm", 1.0, 0.0),
     ("1/min", 1.0, 0.0),
     ("r/s", 60.0, 0.0),
     ("rad/s", 60.0 / std::f64::consts::TAU, 0.0),
 ];
-/// Gauge pressures, and absolute ones over a standard atmosphere.
-const PRESSURE: Units = &[
+/// Gauge pressures; absolute ones are relative to the standard atmosphere, 0.101325 MPa.
+const PRESSURE: UnitTable = &[
     ("MPa", 1.0, 0.0),
     ("bar", 0.1, 0.0),
     ("kPa", 1e-3, 0.0),
@@ -67,9 +67,9 @@ const PRESSURE: Units = &[
     ("MPa abs", 1.0, -0.101_325),
     ("bar abs", 0.1, -0.101_325),
 ];
-const TEMPERATURE: Units =
+const TEMPERATURE: UnitTable =
     &[("C", 1.0, 0.0), ("degC", 1.0, 0.0), ("K", 1.0, -273.15), ("F", 5.0 / 9.0, -160.0 / 9.0)];
-const FLOW: Units = &[
+const FLOW: UnitTable = &[
     ("L/min", 1.0, 0.0),
     ("l/min", 1.0, 0.0),
     ("m3/h", 1000.0 / 60.0, 0.0),
@@ -77,10 +77,10 @@ const FLOW: Units = &[
     ("cm3/s", 0.06, 0.0),
     ("gal/min", 3.785_411_784, 0.0),
 ];
-const FRACTION: Units = &[("1", 1.0, 0.0), ("%", 0.01, 0.0)];
+const FRACTION: UnitTable = &[("1", 1.0, 0.0), ("%", 0.01, 0.0)];
 
-impl Quantity {
-    /// Every quantity.
+impl MeasuredQuantity {
+    /// All quantities.
     pub const ALL: [Self; 9] = [
         Self::Time,
         Self::PumpSpeed,
@@ -93,7 +93,7 @@ impl Quantity {
         Self::Ratio,
     ];
 
-    /// Our own column's name, with the unit in it.
+    /// Default column name, which contains the internal unit.
     #[must_use]
     pub const fn column(self) -> &'static str {
         match self {
@@ -109,33 +109,33 @@ impl Quantity {
         }
     }
 
-    /// The quantity with this column name.
+    /// Quantity with this default column name.
     #[must_use]
     pub fn from_column(column: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|q| q.column() == column)
     }
 
-    /// Values that a bench point may have. Wide for machines, narrow enough to catch a slip of unit.
+    /// Valid range of a bench point: wide enough for every machine, narrow enough to detect a wrong unit.
     #[must_use]
-    pub const fn bench_range(self) -> Range {
+    pub const fn bench_range(self) -> AllowedRange {
         match self {
-            Self::Time => Range::new(0.0, 1e12, "s"),
-            Self::PumpSpeed => Range::new(1.0, 20_000.0, "r/min"),
-            Self::MotorSpeed => Range::new(-20_000.0, 20_000.0, "r/min"),
-            Self::HighPressure => Range::new(0.5, 100.0, "MPa"),
-            Self::OilTemperature => Range::new(-40.0, 150.0, "degC"),
-            Self::LowPressure => Range::new(-0.06, 10.0, "MPa"),
-            Self::Displacement => Range::new(-1.0, 1.0, ""),
-            Self::Flow => Range::new(0.0, 50_000.0, "L/min"),
-            Self::Ratio => Range::new(-1.2, 1.2, ""),
+            Self::Time => AllowedRange::new(0.0, 1e12, "s"),
+            Self::PumpSpeed => AllowedRange::new(1.0, 20_000.0, "r/min"),
+            Self::MotorSpeed => AllowedRange::new(-20_000.0, 20_000.0, "r/min"),
+            Self::HighPressure => AllowedRange::new(0.5, 100.0, "MPa"),
+            Self::OilTemperature => AllowedRange::new(-40.0, 150.0, "degC"),
+            Self::LowPressure => AllowedRange::new(-0.06, 10.0, "MPa"),
+            Self::Displacement => AllowedRange::new(-1.0, 1.0, ""),
+            Self::Flow => AllowedRange::new(0.0, 50_000.0, "L/min"),
+            Self::Ratio => AllowedRange::new(-1.2, 1.2, ""),
         }
     }
 
-    /// Conversion from a unit's name, or the list of names that are known.
+    /// Conversion from the named unit.
     ///
     /// # Errors
-    /// The known units of this quantity, for the message.
-    pub fn conversion(self, unit: &str) -> Result<Conversion, String> {
+    /// The accepted unit names of this quantity, when `unit` is not among them.
+    pub fn conversion(self, unit: &str) -> Result<UnitConversion, String> {
         let units = match self {
             Self::Time => TIME,
             Self::PumpSpeed | Self::MotorSpeed => SPEED,
@@ -147,7 +147,7 @@ impl Quantity {
         units
             .iter()
             .find(|(name, ..)| *name == unit)
-            .map(|&(_, scale, offset)| Conversion { scale, offset })
+            .map(|&(_, scale, offset)| UnitConversion { scale, offset })
             .ok_or_else(|| units.iter().map(|(name, ..)| *name).collect::<Vec<_>>().join(", "))
     }
 }
@@ -159,19 +159,19 @@ mod tests {
     #[test]
     fn units_convert_as_tabulated_by_nist() {
         let cases = [
-            (Quantity::HighPressure, "bar", 310.6, 31.06),
-            (Quantity::HighPressure, "psi", 5000.0, 34.473_786),
-            (Quantity::HighPressure, "bar abs", 11.013_25, 1.0),
-            (Quantity::OilTemperature, "K", 331.39, 58.24),
-            (Quantity::OilTemperature, "F", 212.0, 100.0),
-            (Quantity::PumpSpeed, "rad/s", 104.719_755, 1000.0),
-            (Quantity::Flow, "gal/min", 1.0, 3.785_411_784),
-            (Quantity::Displacement, "%", 30.0, 0.3),
+            (MeasuredQuantity::HighPressure, "bar", 310.6, 31.06),
+            (MeasuredQuantity::HighPressure, "psi", 5000.0, 34.473_786),
+            (MeasuredQuantity::HighPressure, "bar abs", 11.013_25, 1.0),
+            (MeasuredQuantity::OilTemperature, "K", 331.39, 58.24),
+            (MeasuredQuantity::OilTemperature, "F", 212.0, 100.0),
+            (MeasuredQuantity::PumpSpeed, "rad/s", 104.719_755, 1000.0),
+            (MeasuredQuantity::Flow, "gal/min", 1.0, 3.785_411_784),
+            (MeasuredQuantity::Displacement, "%", 30.0, 0.3),
         ];
         for (quantity, unit, number, wanted) in cases {
             let got = quantity.conversion(unit).unwrap().apply(number);
             assert!((got - wanted).abs() < 1e-6 * wanted.abs(), "{unit}: {got}");
         }
-        assert!(Quantity::HighPressure.conversion("K").unwrap_err().contains("psi"));
+        assert!(MeasuredQuantity::HighPressure.conversion("K").unwrap_err().contains("psi"));
     }
 }
