@@ -24,8 +24,8 @@ fn params() -> Params {
     Params::new(&calibration).unwrap()
 }
 
-/// Readings of the sensors: both speeds (pump first), pressure, oil temperature, displacement.
-type Readings = [f32; 5];
+/// ReadingValues of the sensors: both speeds (pump first), pressure, oil temperature, displacement.
+type ReadingValues = [f32; 5];
 
 /// A cause that is an offset of one reading.
 struct Offset {
@@ -38,7 +38,7 @@ struct Offset {
     tolerance: f64,
 }
 
-/// In the order of [`Readings`].
+/// In the order of [`ReadingValues`].
 const OFFSETS: [Offset; 5] = [
     Offset { cause: Cause::PumpSpeedOffset, half: 10.0, tolerance: 0.01 },
     Offset { cause: Cause::MotorSpeedOffset, half: 10.0, tolerance: 0.01 },
@@ -47,7 +47,7 @@ const OFFSETS: [Offset; 5] = [
     Offset { cause: Cause::Displacement, half: 0.005, tolerance: 0.01 },
 ];
 
-fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: Readings) -> OperatingPoint {
+fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: ReadingValues) -> OperatingPoint {
     OperatingPoint {
         pump_speed: RevPerMin(n_p),
         high_pressure: Megapascal(p_h),
@@ -57,22 +57,22 @@ fn point(params: &Params, [n_p, _, p_h, t_b, alpha]: Readings) -> OperatingPoint
     }
 }
 
-fn kou(params: &Params, [n_p, _, p_h, t_b, _]: Readings) -> f32 {
+fn kou(params: &Params, [n_p, _, p_h, t_b, _]: ReadingValues) -> f32 {
     let law = params.law();
     law.evaluate(law.normalised(RevPerMin(n_p), Megapascal(p_h), Celsius(t_b))).get()
 }
 
-fn ratio(params: &Params, read: Readings, kou: f32) -> f64 {
+fn ratio(params: &Params, read: ReadingValues, kou: f32) -> f64 {
     f64::from(params.reduced().balance(&point(params, read)).ratio(LeakageCoefficient(kou)).get())
 }
 
 /// Ratio by the law less the measured one.
-fn ratio_residual(params: &Params, read: Readings) -> f64 {
+fn ratio_residual(params: &Params, read: ReadingValues) -> f64 {
     ratio(params, read, kou(params, read)) - f64::from(read[1]) / f64::from(read[0])
 }
 
 /// Ratio residual per unit of wear (a level more) and of each offset, by differences.
-fn expected(params: &Params, read: Readings) -> (f64, [f64; 5]) {
+fn expected(params: &Params, read: ReadingValues) -> (f64, [f64; 5]) {
     let by_law = kou(params, read);
     let wear = (ratio(params, read, 0.8 * by_law) - ratio(params, read, 1.2 * by_law)) / 0.4;
     let slopes = std::array::from_fn(|i| {
@@ -89,7 +89,7 @@ fn expected(params: &Params, read: Readings) -> (f64, [f64; 5]) {
 
 /// Drives at one operating point until the leakage has doubled and its causes are isolated. Returns the ratio residual over
 /// each signature, in the order of [`Cause::ALL`].
-fn regressed(params: &Params, at: Readings) -> Vec<f64> {
+fn regressed(params: &Params, at: ReadingValues) -> Vec<f64> {
     let mut state = State::new();
     let by_law = kou(params, at);
     for i in 1..8000_u64 {

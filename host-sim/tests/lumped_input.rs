@@ -1,7 +1,11 @@
 //! Bad input of the lumped model's commands ends in exit code 2 with cause and value, never in a panic or a hang.
 
+mod support;
+
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Output;
+
+use support::host_sim;
 
 const REFERENCE: &str = include_str!("../machines/reference.toml");
 
@@ -9,15 +13,20 @@ fn machine(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("machines").join(name)
 }
 
-fn host_sim(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_host-sim")).args(args).output().unwrap()
+/// Runs a command of the lumped model on the reference machine.
+fn on_reference(command: &str, extra: &[&str]) -> Output {
+    let file = machine("reference.toml");
+    host_sim([command, "--machine", file.to_str().unwrap()].iter().chain(extra))
 }
 
 fn simulate(extra: &[&str]) -> Output {
-    let file = machine("reference.toml");
-    let mut args = vec!["simulate", "--machine", file.to_str().unwrap()];
-    args.extend(extra);
-    host_sim(&args)
+    on_reference("simulate", extra)
+}
+
+/// The step response of the paper's fig. 7.
+fn step(extra: &[&str]) -> Output {
+    let point = ["--n-p-rpm", "2000", "--load-nm", "1671"];
+    on_reference("step", &[&point, extra].concat())
 }
 
 fn error_text(output: &Output) -> String {
@@ -102,18 +111,7 @@ fn a_machine_without_the_lumped_models_parts_names_the_missing_ones() {
 
 #[test]
 fn a_step_response_that_does_not_settle_says_so() {
-    let file = machine("reference.toml");
-    let output = host_sim(&[
-        "step",
-        "--machine",
-        file.to_str().unwrap(),
-        "--n-p-rpm",
-        "2000",
-        "--load-nm",
-        "1671",
-        "--duration-s",
-        "0.05",
-    ]);
+    let output = step(&["--duration-s", "0.05"]);
     assert_eq!(output.status.code(), Some(1), "{}", error_text(&output));
     assert!(error_text(&output).contains("no steady state"), "{}", error_text(&output));
 }
@@ -165,19 +163,7 @@ fn json_is_one_object_with_the_promised_fields() {
     }
     assert_eq!(csv.lines().count(), 1 + 7200);
 
-    let file = machine("reference.toml");
-    let output = host_sim(&[
-        "step",
-        "--machine",
-        file.to_str().unwrap(),
-        "--n-p-rpm",
-        "2000",
-        "--load-nm",
-        "1671",
-        "--kou",
-        "0.113",
-        "--json",
-    ]);
+    let output = step(&["--kou", "0.113", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for field in ["n_m_steady_rpm", "overshoot_pct", "settling_s", "oscillation_hz"] {
         assert!(json[field].as_f64().is_some_and(f64::is_finite), "{field}: {json}");
@@ -187,12 +173,15 @@ fn json_is_one_object_with_the_promised_fields() {
 #[test]
 fn paper_writes_every_figure_and_meets_the_published_values() {
     let dir = tempfile::tempdir().unwrap();
-    let (file, out) = (machine("reference.toml"), dir.path().join("figures"));
-    let output =
-        host_sim(&["paper", "--machine", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"]);
+    let out = dir.path().join("figures");
+    let output = on_reference("paper", &["--out", out.to_str().unwrap(), "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", error_text(&output));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["within"], true);
+    // Each published number served to choose a constant of the reference machine, and the report says so.
+    for value in json["values"].as_array().unwrap() {
+        assert!(value["basis"].as_str().unwrap().starts_with("fitted"), "{value}");
+    }
     for figure in ["fig3_port_areas", "fig4_bulk_modulus", "fig5_ripple", "fig7_step", "fig8_ratio"] {
         for kind in ["csv", "svg"] {
             let text = std::fs::read_to_string(out.join(format!("{figure}.{kind}"))).unwrap();

@@ -52,7 +52,7 @@ pub struct Args {
     /// Paper's scheme: start interval of the secant, two coefficients; by default from the reduced model.
     #[arg(long, num_args = 2, value_names = ["KOU", "KOU"], value_parser = positive)]
     pub start: Vec<f64>,
-    /// Paper's scheme: most calls of the full model for one point.
+    /// Paper's scheme: most calls of the lumped model for one point.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(2..))]
     pub max_calls: u32,
     /// Calibration to write: TOML, or a binary record where the name ends in .bin.

@@ -185,7 +185,7 @@ fn text(report: &VerifyReport) -> String {
         report.kou_error_max_pct
     );
     if report.not_steady > 0 {
-        text += &format!("; {} points have no steady state in the full model", report.not_steady);
+        text += &format!("; {} points have no steady state in the lumped model", report.not_steady);
     }
     if let Some(w) = &report.worst {
         text += &format!(

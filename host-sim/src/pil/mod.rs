@@ -2,7 +2,7 @@
 //!
 //! | module | duty |
 //! |---|---|
-//! | `stream` | a whole record through the firmware: [`run`] |
+//! | `stream` | a record of samples through the firmware: [`run`] |
 //! | `session` | requests and responses one by one, and arbitrary bytes for tests: [`PilSession`] |
 //! | [`plant`] | closed loop with a simulated vehicle |
 //! | `qemu_link`, `qemu` | the link's FIFOs; the QEMU process |

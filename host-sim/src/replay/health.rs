@@ -1,4 +1,4 @@
-//! Health monitoring over a whole log.
+//! Health monitoring over a log.
 
 use std::collections::BTreeMap;
 

@@ -3,7 +3,7 @@
 //! | module | duty |
 //! |---|---|
 //! | `output` | estimates as CSV |
-//! | `summary`, `health` | statistics of a whole log: ratio and leakage, health monitoring |
+//! | `summary`, `health` | statistics of a log: ratio and leakage, health monitoring |
 //! | `labels` | names of reasons in reports |
 //! | `trace` | the plot |
 

@@ -1,4 +1,4 @@
-//! Ratio and leakage over a whole log.
+//! Ratio and leakage over a log.
 
 use std::collections::BTreeMap;
 

@@ -51,7 +51,7 @@ fn fig12_kou(study: &ReportStudy) -> Chart {
             "Secant search at {:.0} r/min, {:.1} MPa, {:.1} degC (paper fig. 12)",
             p.n_p_rpm, p.p_h_mpa, p.t_b_c
         ),
-        "call of the full model",
+        "call of the lumped model",
         "Kou, (L/min)/MPa",
         fig12(study, |c| c.0),
     )
@@ -62,7 +62,7 @@ fn fig12_ratio(study: &ReportStudy) -> Chart {
     let longest = all.iter().map(|s| s.points.len()).max().unwrap_or(1) as f64;
     let ratio = study.case.0.ratio;
     all.push(Series::line("measured", [(1.0, ratio), (longest, ratio)]));
-    Chart::new("Ratio in the same searches", "call of the full model", "speed ratio", all)
+    Chart::new("Ratio in the same searches", "call of the lumped model", "speed ratio", all)
 }
 
 fn fig13(study: &ReportStudy) -> Chart {

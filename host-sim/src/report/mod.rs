@@ -23,7 +23,7 @@ use crate::plots::html::{escape, figure};
 /// Skeleton with style and script.
 const PAGE: &str = include_str!("page.html");
 
-/// The whole page.
+/// The HTML page.
 ///
 /// # Errors
 /// When a chart cannot be drawn.

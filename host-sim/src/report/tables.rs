@@ -83,7 +83,7 @@ pub fn head(study: &ReportStudy) -> String {
     if let Some(s) = &joint.surrogate {
         writeln!(
             text,
-            "<p class=\"note\">The controller's reduced model was fitted to the full model at {} points: error of the ratio \
+            "<p class=\"note\">The controller's reduced model was fitted to the lumped model at {} points: error of the ratio \
              {:.1e} on average, {:.1e} at worst.</p>",
             s.points, s.ratio_error_mean, s.ratio_error_max
         )

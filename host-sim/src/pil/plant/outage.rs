@@ -143,9 +143,9 @@ impl Outages {
         match (before, now) {
             (Some(Ok(before)), Ok(now)) => {
                 finding.found = Some(if before == now { "old" } else { "new" });
-                let kept = restored_level(&self.calibration, &now);
-                finding.level_kept = kept.map(f64::from);
-                outage.expected_level = kept.map(f32::to_bits);
+                let stored = restored_level(&self.calibration, &now);
+                finding.level_kept = stored.map(f64::from);
+                outage.expected_level = stored.map(f32::to_bits);
                 outage.before = Some(before);
             }
             (before, now) => {
@@ -202,14 +202,14 @@ impl Outages {
 }
 
 /// Level that a controller reports after restoring the stored records; none where nothing was learned with the calibration.
-fn restored_level(calibration: &Calibration, kept: &StoredRecords) -> Option<f32> {
+fn restored_level(calibration: &Calibration, stored: &StoredRecords) -> Option<f32> {
     // The parameters do not matter for the level that an empty sample gives.
     let params = Params::new(calibration).ok()?;
-    let health = kept.health.clone()?;
+    let health = stored.health.clone()?;
     let mut buffer = [0; record::calibration::MAX_LEN];
     let default =
         record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
-    let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
+    let in_use = stored.calibration.as_ref().map_or(default, |(_, record)| record);
     let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
     if health.calibration_crc != crc {
         return None;
@@ -232,7 +232,8 @@ impl Outage {
         let lives = [before.life.unwrap_or_default(), after.life.unwrap_or_default()];
         finding.operating_s = lives.map(|life| life.operating_s);
         finding.starts = lives.map(|life| life.starts);
-        finding.troubles = [before, &after].map(|kept| kept.faults.as_ref().map_or(0, |f| f.entries().len()));
+        finding.troubles =
+            [before, &after].map(|stored| stored.faults.as_ref().map_or(0, |f| f.entries().len()));
         let mut lost = |what: &str, is_lost: bool| {
             if is_lost {
                 finding.lost.push(what.to_owned());
@@ -247,9 +248,10 @@ impl Outage {
         let none = FaultMemory::new();
         let (old, new) = (before.faults.as_ref().unwrap_or(&none), after.faults.as_ref().unwrap_or(&none));
         for entry in old.entries() {
-            let kept = new.entries().iter().find(|kept| kept.dtc == entry.dtc);
-            let is_kept = kept.is_some_and(|k| k.occurrences >= entry.occurrences && k.first == entry.first);
-            lost(&format!("trouble {:?}", entry.code()), !is_kept);
+            let stored = new.entries().iter().find(|stored| stored.dtc == entry.dtc);
+            let is_stored =
+                stored.is_some_and(|k| k.occurrences >= entry.occurrences && k.first == entry.first);
+            lost(&format!("trouble {:?}", entry.code()), !is_stored);
         }
         lost("the brown-out itself", new.get(Code::BrownOut).is_none());
         lost("calibration", before.calibration.is_some() && after.calibration.is_none());
