@@ -1,7 +1,6 @@
 //! The link to the firmware in QEMU: what is damaged is answered and never obeyed, what is refused is refused by name.
 
 use host_sim::pil::{LinkTransport, PilError, PilOptions, PilSession, frame, run, same_bits};
-use kou_pil::link::{ErrorKind, FieldProblem, FrameError, Refusal, Request, Response};
 use kou_estimator::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
 use kou_estimator::{Params, State, step};
