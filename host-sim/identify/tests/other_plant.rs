@@ -33,11 +33,12 @@ impl PlantModel for ClosurePlant<'_> {
     }
 }
 
-/// Volumetric balance with linear compression: pump flow minus compression minus leakage of nine chambers.
+/// Volumetric balance: pump flow minus compression of dead volume and swept volume minus leakage of nine chambers.
 fn volumetric(at: &OperatingPoint, kou: f64, correction: MachineCorrection) -> f64 {
-    let compression = 1.2 * at.p_h_mpa / (correction.bulk * BULK_MODULUS_MPA);
+    let volume = 0.9 + 0.5 * (1.0 + at.alpha);
+    let compression = volume * at.p_h_mpa / (correction.bulk * BULK_MODULUS_MPA);
     let leakage = 9.0 * kou * at.p_h_mpa / (at.n_p_rpm * DISPLACEMENT_CM3 / 1000.0);
-    correction.displacement * at.alpha * (1.0 - compression) - leakage
+    correction.displacement * (at.alpha - compression) - leakage
 }
 
 fn machine() -> MachineParameters {
