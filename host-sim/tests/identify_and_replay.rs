@@ -1,8 +1,10 @@
-//! The main job on the shipped synthetic records: identify, calibrate, replay; and what bad input is answered with.
+//! Identification, calibration and replay of the shipped synthetic records, and the error messages of invalid input.
 
 mod support;
 
-use kou_estimator::record;
+use std::path::Path;
+
+use kou_estimator::calibration::record;
 use support::{Folder, failure, host_sim, json, root};
 
 const MACHINE: &str = "host-sim/machines/reference.toml";
@@ -15,7 +17,7 @@ fn identify(folder: &Folder, name: &str) -> serde_json::Value {
 
 fn identify_by(folder: &Folder, name: &str, model: &str, scheme: &str) -> serde_json::Value {
     let out = folder.path(name);
-    let words = [
+    let arguments = [
         "identify",
         "--bench",
         BENCH,
@@ -28,10 +30,16 @@ fn identify_by(folder: &Folder, name: &str, model: &str, scheme: &str) -> serde_
         "--json",
         "--out",
     ];
-    json(words.into_iter().chain([out.to_str().unwrap()]))
+    json(arguments.into_iter().chain([out.to_str().unwrap()]))
 }
 
-/// The truth beside each point of the shipped bench table.
+/// Identification of a bench table with the reference machine.
+fn identify_arguments<'a>(bench: &'a Path, out: &'a Path) -> [&'a str; 8] {
+    let (bench, out) = (bench.to_str().unwrap(), out.to_str().unwrap());
+    ["identify", "--bench", bench, "--machine", MACHINE, "--out", out, "--json"]
+}
+
+/// True leakage coefficient of each point of the shipped bench table, its last column.
 fn truth() -> Vec<f64> {
     let text = std::fs::read_to_string(root().join(BENCH)).unwrap();
     text.lines()
@@ -54,10 +62,10 @@ fn val_identified_coefficients_agree_with_the_synthetic_truth() {
     let mean_pct = 100.0 * sum / 45.0;
     println!("mean error of Kou {mean_pct:.2} %, of the ratio {} %", report["ratio_error_mean_pct"]);
     // Random errors: 0.028 % of ratio (two speeds at 0.02 %) is 0.36 to 2.5 % of Kou over the grid, on average 0.7 %.
-    // The instruments' systematic errors of speed are found as displacement, to 0.05 %, which is 1.5 % of Kou; that of
+    // Systematic errors of the speed sensors are identified as displacement, to 0.05 %, which is 1.5 % of Kou; that of
     // pressure is 0.5 % of Kou. Together 1.7 %.
     assert!(mean_pct < 2.0, "{mean_pct}");
-    // A quadratic misses the truth by 1.8 %, which is 0.1 % of ratio where leakage takes 6 % of the flow, and 0.028 % noise.
+    // The misfit of a quadratic is 1.8 % of Kou, which is 0.1 % of the ratio for a leakage of 6 % of the flow; noise 0.028 %.
     assert!(report["ratio_error_mean_pct"].as_f64().unwrap() < 0.15);
     assert_eq!(report["dropped_terms"].as_array().unwrap().len(), 0);
     assert!(report["condition_number"].as_f64().unwrap() < 400.0);
@@ -67,7 +75,7 @@ fn val_identified_coefficients_agree_with_the_synthetic_truth() {
 }
 
 #[test]
-fn replay_judges_the_drive_and_names_every_fault_that_was_put_in() {
+fn replay_estimates_the_drive_and_counts_every_injected_fault() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
     let (cal, est, svg) = (folder.path("cal.toml"), folder.path("est.csv"), folder.path("est.svg"));
@@ -115,22 +123,22 @@ fn replay_judges_the_drive_and_names_every_fault_that_was_put_in() {
     }
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     println!("wear ratio {:.4} before the leak, {:.4} after", mean(&before), mean(&after));
-    // The law misses the truth by some 0.8 % (its residual); means over thousands of samples have no noise left.
+    // The misfit of the law is some 0.8 %; the noise of means over thousands of samples is negligible.
     assert!((mean(&before) - 1.0).abs() < 0.02, "{}", mean(&before));
     assert!((mean(&after) - 1.35).abs() < 0.03, "{}", mean(&after));
     let picture = std::fs::read_to_string(svg).unwrap();
-    // Three curves measured and two expected: about a point for each pixel of the width, 1000.
+    // Three measured curves and two expected ones: about one point for each of the 1000 pixels of the width.
     for (colour, curves) in [("#1F77B4", 3), ("#D62728", 2)] {
         let drawn = picture.lines().filter(|line| line.starts_with("<polyline") && line.contains(colour));
         let points: usize = drawn.map(|line| line.matches(',').count()).sum();
         assert!((800 * curves..2000 * curves).contains(&points), "{colour}: {points}");
     }
-    // Twice as many points at most, of eight characters each, and axes.
+    // At most twice as many points, of eight characters each, and axes.
     assert!(picture.len() < 100_000, "{} bytes", picture.len());
 }
 
 #[test]
-fn shipped_records_are_what_the_committed_generator_makes() {
+fn shipped_records_equal_the_output_of_the_generator() {
     let folder = Folder::new();
     let (bench, drive) = (folder.path("b.csv"), folder.path("d.csv"));
     let output = host_sim([
@@ -190,8 +198,8 @@ fn prop_every_finite_f32_survives_the_toml_form() {
         let text = kou_records::calibration::to_toml(&calibration).unwrap();
         let file = kou_records::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
         let back = kou_records::calibration::from_toml(&file).unwrap();
-        // By their records, so that the sign of zero counts.
-        let length = record::calibration::encode(&calibration, &mut buffer).unwrap();
+        // Compared as records, so that the sign of zero counts.
+        let length = record::encode(&calibration, &mut buffer).unwrap();
         let wanted = buffer[..length].to_vec();
         let length = record::calibration::encode(&back, &mut buffer).unwrap();
         assert_eq!(wanted, buffer[..length]);
@@ -199,7 +207,7 @@ fn prop_every_finite_f32_survives_the_toml_form() {
 }
 
 #[test]
-fn bad_bench_tables_are_answered_with_file_line_column_value_and_range() {
+fn invalid_bench_tables_are_reported_with_file_line_column_value_and_range() {
     let folder = Folder::new();
     let out = folder.path("cal.toml");
     let heading = "n_p_rpm,p_h_mpa,t_b_c,ratio\n";
@@ -217,19 +225,7 @@ fn bad_bench_tables_are_answered_with_file_line_column_value_and_range() {
         ("", &["bench.csv", "no points"]),
     ] {
         let bench = folder.write("bench.csv", format!("{heading}{text}"));
-        let error = failure(
-            2,
-            [
-                "identify",
-                "--bench",
-                bench.to_str().unwrap(),
-                "--machine",
-                MACHINE,
-                "--out",
-                out.to_str().unwrap(),
-                "--json",
-            ],
-        );
+        let error = failure(2, identify_arguments(&bench, &out));
         for part in parts {
             assert!(error.contains(part), "`{part}` is not in: {error}");
         }
@@ -238,7 +234,7 @@ fn bad_bench_tables_are_answered_with_file_line_column_value_and_range() {
 }
 
 #[test]
-fn points_that_no_leakage_explains_are_named_and_left_out() {
+fn points_above_the_leak_free_ratio_are_reported_and_rejected() {
     let folder = Folder::new();
     let shipped = std::fs::read_to_string(root().join(BENCH)).unwrap();
     let mut lines: Vec<String> = shipped.lines().map(str::to_string).collect();
@@ -246,23 +242,14 @@ fn points_that_no_leakage_explains_are_named_and_left_out() {
     lines[10] = "1000.00,30.000,30.00,0.999000,0.04".to_string();
     let bench = folder.write("bench.csv", lines.join("\n"));
     let out = folder.path("cal.toml");
-    let report = json([
-        "identify",
-        "--bench",
-        bench.to_str().unwrap(),
-        "--machine",
-        MACHINE,
-        "--out",
-        out.to_str().unwrap(),
-        "--json",
-    ]);
+    let report = json(identify_arguments(&bench, &out));
     assert_eq!(report["points"].as_array().unwrap().len(), 44);
     assert_eq!(report["refused_points"][0]["line"], 11);
     assert_eq!(report["refused_points"][0]["reason"], "ratio_above_leak_free");
 }
 
 #[test]
-fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
+fn incomplete_tables_give_a_partial_law_and_name_the_undetermined_terms() {
     let folder = Folder::new();
     let shipped = std::fs::read_to_string(root().join(BENCH)).unwrap();
     let (heading, rows): (Vec<&str>, Vec<&str>) = {
@@ -273,8 +260,7 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
         let text = heading.iter().chain(rows).copied().collect::<Vec<_>>().join("\n");
         let bench = folder.write("bench.csv", text);
         let out = folder.path("cal.toml");
-        let words = ["identify", "--machine", MACHINE, "--json", "--bench", bench.to_str().unwrap(), "--out"];
-        json(words.into_iter().chain([out.to_str().unwrap()]))
+        json(identify_arguments(&bench, &out))
     };
     let dropped = |report: &serde_json::Value| {
         report["dropped_terms"]
@@ -287,7 +273,7 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
     // Two points of different speed and pressure: a constant and one slope.
     let two = run(&[rows[0], rows[20]]);
     assert_eq!((two["points"].as_array().unwrap().len(), dropped(&two).len()), (2, 8));
-    // One temperature: nothing that depends on it.
+    // One temperature: no term that depends on it.
     let fixed: Vec<String> = rows[..15]
         .iter()
         .map(|row| {
@@ -299,7 +285,7 @@ fn poor_tables_give_a_correct_partial_result_that_says_what_is_missing() {
     let one_temperature = run(&fixed.iter().map(String::as_str).collect::<Vec<_>>());
     assert_eq!(dropped(&one_temperature), ["b3", "a33", "a13", "a23"]);
     assert_eq!(one_temperature["law"]["normalised"]["b3"], 0.0);
-    // A copied row counts once and is named.
+    // A copied row counts once and is reported.
     let mut copied = rows.clone();
     copied.insert(7, rows[3]);
     let repeated = run(&copied);
@@ -322,16 +308,16 @@ fn file_of_200_megabytes_is_rejected_as_a_log() {
     drop(file);
     assert!(std::fs::metadata(&path).unwrap().len() > 200_000_000);
     let out = folder.path("cal.toml");
-    let words =
+    let arguments =
         ["identify", "--machine", MACHINE, "--bench", path.to_str().unwrap(), "--out", out.to_str().unwrap()];
-    let error = failure(2, words);
+    let error = failure(2, arguments);
     assert!(error.contains("more than 10000 points") && error.contains("huge.csv:10002"), "{error}");
 }
 
 #[test]
-fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
+fn invalid_logs_calibrations_and_mappings_are_reported_with_their_location() {
     let folder = Folder::new();
-    // As the machine file says, so that the figures below stand in it.
+    // Two-step scheme: the calibration has the constants of the machine file, which are edited below.
     identify_by(&folder, "cal.toml", "rom", "paper");
     let good = std::fs::read_to_string(folder.path("cal.toml")).unwrap();
     let replay = |log: &str, calibration: &str, map: Option<&str>| {
@@ -379,10 +365,10 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
         has(error.clone(), &[&format!("broken.toml:{line}:"), "column"]);
         has(error, parts);
     }
-    // Of another machine than the file.
+    // Calibration of another machine than the machine file.
     for command in ["verify", "evaluate"] {
-        let words = [command, "--machine", "host-sim/machines/seven-piston.toml", "--calibration", &cal];
-        has(failure(2, words), &["cal.toml", "another machine", "reference", "seven"]);
+        let arguments = [command, "--machine", "host-sim/machines/seven-piston.toml", "--calibration", &cal];
+        has(failure(2, arguments), &["cal.toml", "another machine", "reference", "seven"]);
     }
     // A binary record with a flipped bit.
     identify(&folder, "cal.bin");
@@ -390,7 +376,7 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
     bytes[100] ^= 4;
     let flipped = folder.write("flipped.bin", bytes);
     has(replay(DRIVE, flipped.to_str().unwrap(), None), &["flipped.bin", "CRC-32"]);
-    // Maps.
+    // Mappings.
     let map =
         folder.write("map.toml", "schema = 1\n[columns]\np_h_mpa = { from = \"PS9\", unit = \"bar\" }\n");
     has(replay(DRIVE, &cal, Some(map.to_str().unwrap())), &["drive.csv", "PS9", "n_m_rpm"]);
@@ -400,7 +386,7 @@ fn bad_logs_calibrations_and_maps_are_answered_with_the_place() {
 }
 
 #[test]
-fn foreign_columns_and_units_give_the_same_estimates_as_our_own() {
+fn foreign_columns_and_units_give_the_same_estimates_as_the_default_ones() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
     let cal = folder.path("cal.toml").to_str().unwrap().to_string();

@@ -60,10 +60,10 @@ pub enum PlantError {
 /// };
 /// use kou_records::{BenchPoint, InputError};
 ///
-/// /// Ratio = displacement factor - 30 Kou p/n.
-/// struct ToyPlant<F>(F, MachineCorrection);
+/// /// Speed ratio from a closure, scaled with the displacement.
+/// struct ToyPlant<'a>(&'a (dyn Fn(&OperatingPoint, f64) -> f64 + Sync), MachineCorrection);
 ///
-/// impl<F: Fn(&OperatingPoint, f64) -> f64 + Sync> PlantModel for ToyPlant<F> {
+/// impl PlantModel for ToyPlant<'_> {
 ///     fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<SteadyResponse, PlantError> {
 ///         let ratio = self.1.displacement * (self.0)(at, kou);
 ///         if ratio > 0.0 {
@@ -74,11 +74,12 @@ pub enum PlantError {
 ///     }
 ///
 ///     fn corrected(&self, correction: MachineCorrection) -> Result<Box<dyn PlantModel + '_>, InputError> {
-///         Ok(Box::new(ToyPlant(&self.0, correction)))
+///         Ok(Box::new(ToyPlant(self.0, correction)))
 ///     }
 /// }
 ///
-/// let plant = ToyPlant(|at: &OperatingPoint, kou| 0.99 - 30.0 * kou * at.p_h_mpa / at.n_p_rpm, MachineCorrection::NONE);
+/// let ratio = |at: &OperatingPoint, kou: f64| 0.99 - 30.0 * kou * at.p_h_mpa / at.n_p_rpm;
+/// let plant = ToyPlant(&ratio, MachineCorrection::NONE);
 ///
 /// // A bench of nine points with a leakage that rises with the pressure.
 /// let mut points = Vec::new();

@@ -3,7 +3,7 @@
 use kou_records::InputError;
 
 use crate::discrepancy::{Basis, Kernel};
-use crate::joint::least_squares::{GaussNewtonStep, LeastSquares};
+use crate::joint::least_squares::GaussNewtonStep;
 use crate::joint::linear::{FitState, JointProblem, LinearisedModel};
 
 /// Bounds of the relative corrections of displacement and bulk modulus.
@@ -17,6 +17,7 @@ const HAMPEL_B: f64 = 4.0;
 const HAMPEL_C: f64 = 8.0;
 /// Maximum number of iterations.
 const MAX_ITERATIONS: usize = 25;
+
 impl JointProblem<'_> {
     /// Iterates to the solution for one kernel of the discrepancy.
     pub(super) fn converge(
@@ -28,9 +29,8 @@ impl JointProblem<'_> {
         let count = self.parameters() + basis.count();
         state.unknowns.truncate(self.parameters());
         state.unknowns.resize(count, 0.0);
-        let prior_se = self.prior_se(count);
         let mut linear = self.linearise(&state.unknowns, basis, kernel)?;
-        let mut step = LeastSquares::new(&linear, state, &prior_se).solve();
+        let mut step = self.least_squares(&linear, state).solve();
         for iteration in 0..MAX_ITERATIONS {
             let before = state.unknowns.clone();
             for (value, delta) in state.unknowns.iter_mut().zip(step.delta.iter()) {
@@ -44,7 +44,7 @@ impl JointProblem<'_> {
             if iteration >= 2 {
                 state.weight = robust_weights(&linear, &step.leverage);
             }
-            step = LeastSquares::new(&linear, state, &prior_se).solve();
+            step = self.least_squares(&linear, state).solve();
             let parameters = state.unknowns.iter().zip(&before).take(self.parameters());
             let moved = parameters.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // Parameters matter to 1e-4; the rounding of the f32 model limits convergence to about 1e-6.

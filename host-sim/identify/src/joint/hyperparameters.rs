@@ -3,7 +3,6 @@
 use kou_records::InputError;
 
 use crate::discrepancy::{Basis, Kernel};
-use crate::joint::least_squares::LeastSquares;
 use crate::joint::linear::{FitState, JointProblem};
 
 /// Rows with a robust weight below this are outliers and do not count.
@@ -35,7 +34,7 @@ impl JointProblem<'_> {
             let count = self.parameters() + basis.count();
             at.unknowns.resize(count, 0.0);
             let linear = self.linearise(&at.unknowns, &basis, kernel)?;
-            let problem = LeastSquares::new(&linear, &at, &self.prior_se(count));
+            let problem = self.least_squares(&linear, &at);
             let of_sigma: f64 = linear.sigma.iter().zip(&at.weight).map(|(s, w)| 2.0 * w * s.ln()).sum();
             let score = of_sigma + problem.neg2_log_reml();
             if score < best.0 {

@@ -7,6 +7,7 @@ use kou_lumped::OperatingPoint;
 use kou_records::InputError;
 
 use crate::discrepancy::{Basis, Discrepancy, Kernel};
+use crate::joint::least_squares::LeastSquares;
 use crate::joint::observation::Observation;
 use crate::joint::prior::Prior;
 use crate::plant_model::MachineCorrection;
@@ -89,6 +90,12 @@ impl JointProblem<'_> {
         // Discrepancy coefficients have unit variance.
         all.resize(count.max(all.len()), 1.0);
         all
+    }
+
+    /// Least-squares problem of one Gauss-Newton step.
+    pub(super) fn least_squares(&self, linear: &LinearisedModel, state: &FitState) -> LeastSquares {
+        let prior_se = self.prior_se(state.unknowns.len());
+        LeastSquares::new(&linear.jacobian, &linear.residual, &state.weight, &state.unknowns, &prior_se)
     }
 
     /// Linearises the model at these unknowns, with a discrepancy of this basis and kernel.

@@ -23,7 +23,7 @@
 mod fit;
 mod gauss_newton;
 mod hyperparameters;
-mod least_squares;
+pub mod least_squares;
 mod linear;
 mod observation;
 mod prior;
