@@ -4,7 +4,7 @@ mod support;
 
 use std::path::Path;
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use support::{Folder, failure, host_sim, json, root};
 
 const MACHINE: &str = "host-sim/machines/reference.toml";
@@ -199,7 +199,7 @@ fn prop_every_finite_f32_survives_the_toml_form() {
         let file = kou_records::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
         let back = kou_records::calibration::from_toml(&file).unwrap();
         // Compared as records, so that the sign of zero counts.
-        let length = record::encode(&calibration, &mut buffer).unwrap();
+        let length = record::calibration::encode(&calibration, &mut buffer).unwrap();
         let wanted = buffer[..length].to_vec();
         let length = record::calibration::encode(&back, &mut buffer).unwrap();
         assert_eq!(wanted, buffer[..length]);

@@ -6,7 +6,7 @@ use std::path::Path;
 use host_sim::machine;
 use kou_app::diagnostics::FaultMemory;
 use kou_pil::link;
-use kou_app::storage::{HealthRecord, Life, Record, CrashReport, StoredCalibration, UpdateCounter};
+use kou_app::storage::{HealthRecord, OperatingCounters, Record, CrashReport, StoredCalibration, UpdateCounter};
 use kou_estimator::record;
 
 /// A document's text, each run of white space as one blank.
@@ -77,7 +77,7 @@ fn numbers_in_the_documents_are_those_of_the_code() {
         lists::<StoredCalibration<'_>>("calibration"),
         lists::<HealthRecord>("health"),
         lists::<FaultMemory>("faults"),
-        lists::<Life>("life"),
+        lists::<OperatingCounters>("life"),
         lists::<UpdateCounter>("update counter"),
         lists::<CrashReport>("stop"),
     ];

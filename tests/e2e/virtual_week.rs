@@ -25,7 +25,7 @@ use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{ConversionError, Counts, Input, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, Store};
+use kou_app::storage::{HealthRecord, OperatingCounters, Store};
 use kou_app::update::{NoKey, Service, Session};
 use kou_emulation::RamFlash;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE};
@@ -152,7 +152,7 @@ impl Publish for Told<'_> {
         sample: Option<&Sample>,
     ) {
         match estimate {
-            Ok(estimate) if estimate.seen.is_ok() => raise(&self.seen.valid),
+            Ok(estimate) if estimate.observed.is_ok() => raise(&self.seen.valid),
             Ok(_) => raise(&self.seen.invalid),
             Err(_) => raise(&self.seen.none),
         }
@@ -241,14 +241,14 @@ fn kept(
 ) {
     let store = keeper.service().store();
     let (life, health, faults) = block_on(async {
-        let life = store.read::<Life>().await.expect("readable").expect("written");
+        let life = store.read::<OperatingCounters>().await.expect("readable").expect("written");
         let health = store.read::<HealthRecord>().await.expect("readable").expect("written");
         (life, health, store.read::<FaultMemory>().await.expect("readable").expect("written"))
     });
     // Written every ten minutes, one record a second: the last one is at most that old.
     let seconds = u32::try_from(60 * minutes).expect("a week fits");
     assert!(life.operating_s <= seconds && life.operating_s + 610 > seconds, "{life:?}");
-    assert_eq!((life.starts, life.unasked), (1, 0));
+    assert_eq!((life.starts, life.unplanned_resets), (1, 0));
     assert!(health.state.is_sound());
     // The oil sensor fails in every minute; what is in flash is at most the ration's ten minutes behind.
     let oil =

@@ -2,7 +2,7 @@
 
 use kou_estimator::Calibration;
 use kou_estimator::calibration::HealthConfig;
-use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::calibration::{Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges};
 use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::model::flow_balance::ReducedConfig;
 use kou_estimator::model::leakage_law::LawConfig;
@@ -43,8 +43,8 @@ pub fn assemble(
     settings: &CalibrationSettings,
 ) -> Result<Calibration, InputError> {
     let (output, motor_pistons) = match machine.reference {
-        RatioReference::Motor(motor) => (Output::Motor, motor.pistons),
-        RatioReference::FlowMeter { .. } => (Output::FlowMeter, 0),
+        RatioReference::Motor(motor) => (OutputSensor::Motor, motor.pistons),
+        RatioReference::FlowMeter { .. } => (OutputSensor::FlowMeter, 0),
     };
     let too_long = |what: &str, value: &str, longest: usize| {
         InputError::new(format!("{what} is too long"))
@@ -56,8 +56,8 @@ pub fn assemble(
     let (n_max, p_max) = (law.n_max.get(), law.p_max.get());
     let [speed, flow, pressure, temperature_k] = settings.class.permissible();
     let other = match output {
-        Output::Motor => speed,
-        Output::FlowMeter => flow,
+        OutputSensor::Motor => speed,
+        OutputSensor::FlowMeter => flow,
     };
     // Rectangular distribution with the permissible error as half-width: its standard deviation is 1/sqrt 3 of that
     // (JCGM 100:2008, 4.3.7).

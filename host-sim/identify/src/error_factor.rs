@@ -1,7 +1,7 @@
 //! Compression of the law's covariance to the four-row factor that the controller evaluates.
 
 use kou_estimator::model::calibrated_region::{Bound, RegionConfig};
-use kou_estimator::model::leakage_law::LawErrorRoot;
+use kou_estimator::model::leakage_law::LawCovarianceFactor;
 use kou_estimator::units::LeakageCoefficient;
 use nalgebra::DMatrix;
 
@@ -24,7 +24,7 @@ pub(crate) fn error_factor(
     terms: &[usize],
     rows: &[Observation],
     region: &RegionConfig,
-) -> LawErrorRoot {
+) -> LawCovarianceFactor {
     let mut all = DMatrix::zeros(10, factor.ncols());
     for (row, term) in terms.iter().enumerate() {
         all.row_mut(*term).copy_from(&factor.row(row));
@@ -58,12 +58,12 @@ pub(crate) fn error_factor(
         let first = 10 - N;
         std::array::from_fn(|j| single(r[(first, first + j)]).clamp(-100.0, 100.0))
     }
-    LawErrorRoot {
+    LawCovarianceFactor {
         first: row(&r),
         second: row(&r),
         third: row(&r),
         fourth: row(&r),
-        rest: LeakageCoefficient(single(remainder2.sqrt()).min(10.0)),
+        remainder: LeakageCoefficient(single(remainder2.sqrt()).min(10.0)),
     }
 }
 

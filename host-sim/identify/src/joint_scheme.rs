@@ -151,7 +151,7 @@ fn with_solution(mut fit: LawFit, rows: &[Observation], solution: &JointSolution
     let freedom = rows.len().saturating_sub(terms.len()).max(1);
     let misfit = (sum / weights * rows.len() as f64 / freedom as f64).sqrt();
     law.residual_se.0 = single(misfit).min(10.0);
-    law.error_root = error_factor(&solution.covariance_factor, &terms, rows, &fit.region);
+    law.covariance_factor = error_factor(&solution.covariance_factor, &terms, rows, &fit.region);
     fit.condition_number = solution.condition_number;
     fit
 }

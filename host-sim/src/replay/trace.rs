@@ -43,7 +43,7 @@ impl EstimateTrace {
 
     /// Adds a sample; one that was not accepted interrupts the curves.
     pub fn push(&mut self, time_s: f64, estimate: &Estimate) {
-        let (Ok(seen), Ok(expected)) = (estimate.seen, estimate.expected) else {
+        let (Ok(seen), Ok(expected)) = (estimate.observed, estimate.expected) else {
             self.curves().into_iter().for_each(MinMaxDecimator::interrupt);
             return;
         };

@@ -34,7 +34,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(bus: &Bus<M>, board: &B) -> ! {
                 log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
-            Command::Refuse(refusal) => Response::CalibrationRefused(refusal),
+            Command::Refuse(refusal) => Response::CalibrationRejected(refusal),
             Command::Sample(sample) => estimate(bus, active.as_mut(), &sample),
             Command::Status => Response::Status(Status {
                 uptime_us: board.uptime_us(),
@@ -55,7 +55,7 @@ fn estimate<M: RawMutex>(bus: &Bus<M>, active: Option<&mut Active>, sample: &Sam
         return Response::Error(ErrorKind::NoCalibration);
     };
     let estimate = step(&active.params, &mut active.state, sample);
-    if estimate.expected.is_ok() && estimate.seen.is_ok() {
+    if estimate.expected.is_ok() && estimate.observed.is_ok() {
         bus.counters.estimates_valid.raise();
     } else {
         bus.counters.estimates_refused.raise();
