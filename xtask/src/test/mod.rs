@@ -60,6 +60,7 @@ pub fn run() -> Result<ExitCode> {
     report.check("format", || Run::cargo(&["fmt", "--all", "--check"]).check());
     report.check("arrows between crates and modules", || source_check::arrows(&workspace));
     report.check("documents against the sources", || source_check::docs(&workspace));
+    report.check("one name, one meaning", || source_check::names(&workspace));
     // Firmware first: the end-to-end tests need its ELF.
     report.check("firmware builds, release", || build_firmware(&workspace, &["build", "--release"]));
     report.check("no panic path in the estimator", panic_path::absent);
