@@ -4,14 +4,13 @@
 
 pub mod samples;
 
-use kou_estimator::calibration::{
-    Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges, record,
-};
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::calibration::HealthConfig;
+use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawErrorRoot};
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::record;
 use kou_estimator::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,
@@ -119,8 +118,8 @@ pub fn reference_calibration() -> Calibration {
 /// The binary record of a calibration.
 #[must_use]
 pub fn record_of(calibration: &Calibration) -> Vec<u8> {
-    let mut bytes = vec![0; record::MAX_LEN];
-    let len = record::encode(calibration, &mut bytes).expect("every calibration fits a record");
+    let mut bytes = vec![0; record::calibration::MAX_LEN];
+    let len = record::calibration::encode(calibration, &mut bytes).expect("every calibration fits a record");
     bytes.truncate(len);
     bytes
 }

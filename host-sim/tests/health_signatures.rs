@@ -5,11 +5,11 @@
 
 mod support;
 
-use host_sim::calibration::read_checked;
 use kou_estimator::health::Cause;
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
+use kou_identify::calibration::read_checked;
 use support::{Folder, calibrated};
 
 /// An oil whose bulk modulus falls with temperature as mineral oils' does, so that both parts of the temperature's signature

@@ -7,13 +7,13 @@ mod support;
 use bench::{
     best_quadratic_of, kou_error_of, kou_error_pct, machine, points, points_of, settings, truth, with_noise,
 };
-use host_sim::identify::joint::Prior;
-use host_sim::identify::ratio_model::{At, FullRatio, RatioModel};
-use host_sim::identify::secant::{self, Secant};
-use host_sim::identify::{Identification, joint_scheme, two_step};
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use host_sim::synth::Gaps;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{At, FullRatio, RatioModel};
+use kou_identify::secant::{self, Secant};
+use kou_identify::{Identification, joint_scheme, two_step};
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
 use support::{Folder, json, root};
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {

@@ -5,16 +5,16 @@ mod bench;
 mod support;
 
 use bench::{machine, points, settings, truth, with_noise};
-use host_sim::calibration;
-use host_sim::full::SimError;
-use host_sim::identify::joint::Prior;
-use host_sim::identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio, Solved};
-use host_sim::identify::{Identification, advice, joint_scheme};
-use host_sim::input::InputError;
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use kou_estimator::Params;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
+use kou_identify::calibration;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio, Solved};
+use kou_identify::{Identification, advice, joint_scheme};
+use kou_lumped::SimError;
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
+use kou_records::InputError;
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
     joint_scheme::identify(machine, points, &settings(), None, prior).unwrap()
@@ -77,7 +77,7 @@ fn val_leave_one_out_is_what_a_fit_without_the_point_predicts() {
             bench.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, p)| *p).collect();
         let without = joint(&machine, &rest, &Prior::default());
         let at = At::from(&bench[left_out]);
-        let kou = host_sim::identify::evaluate(&without.fit, &bench[left_out]);
+        let kou = kou_identify::evaluate(&without.fit, &bench[left_out]);
         let model = ReducedRatio::new(&machine).unwrap().with_change(without.change).unwrap();
         let refit = model.ratio(&at, kou) / bench[left_out].ratio - 1.0;
         let by_leverage = whole.points[left_out].leave_one_out;

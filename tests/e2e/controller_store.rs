@@ -12,25 +12,26 @@ use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
-use kou_app::controller::note::{self, Note};
+use kou_app::calibration::CalibrationSource;
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
-    SensorsMemory, run_estimate, run_publish, run_sample, run_store,
+    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, NoEstimate, SensorsMemory, StorageTask,
+    WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
 };
-use kou_app::faults::{Code, FaultMemory};
+use kou_app::diagnostics::ResetCause;
+use kou_app::diagnostics::crash_log::{self, Note};
+use kou_app::diagnostics::{Code, FaultMemory};
 use kou_app::j1939::node::UPDATE;
-use kou_app::j1939::{CalibrationSource, Frame, Name, NameConfig, Node};
-use kou_app::sensors::adc::{Input, NoCounts};
+use kou_app::j1939::{Frame, Name, NameConfig, Node};
+use kou_app::sensors::adc::{ConversionError, Input};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::ram::Torn;
-use kou_app::storage::{
-    HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, StopNote, Store, StoredCalibration,
-};
+use kou_app::storage::{CrashReport, HealthRecord, Life, MIN_BYTES, Store, StoredCalibration};
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, KeySource, Service, Session};
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::Micros;
 use kou_tests::samples::learned;
 use kou_tests::{record_of, reference_calibration, reference_params};
@@ -61,7 +62,7 @@ impl FrontEnd for Standstill {
         if Instant::now().as_millis() == 5_000 {
             MockDriver::get().advance(self.0);
         }
-        into.analog = [Err(NoCounts::NoAnswer); CHANNELS];
+        into.analog = [Err(ConversionError::NoAnswer); CHANNELS];
         into.count = (Instant::now().as_micros() * 10) as u32;
     }
 }
@@ -131,11 +132,11 @@ fn run_with_pause(
     let controller = Controller::<NoopRawMutex>::new();
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(Tool { to_send, ..Tool::default() });
-    let rates = KeepConfig { health_s: 3, life_s: 4, ..KeepConfig::VEHICLE };
+    let rates = WriteScheduleConfig { health_s: 3, life_s: 4, ..WriteScheduleConfig::VEHICLE };
     let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), Session::new());
-    let mut keeper = Keeper::new(
+    let mut keeper = StorageTask::new(
         Service::new(&mut store, &mut session, TestKey, default),
-        KeepParams::new(&rates).unwrap(),
+        WriteScheduleParams::new(&rates).unwrap(),
         begin,
     );
     let start = Instant::now();
@@ -148,7 +149,7 @@ fn run_with_pause(
             }),
             Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
             Box::pin(async move { run_publish(c, start, &mut Bus::new(Port(tool), node, c)).await }),
-            Box::pin(async move { run_store(c, start, k).await }),
+            Box::pin(async move { run_storage(c, start, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
         for now_ms in 0..ms {
@@ -272,14 +273,14 @@ fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
     let hours = read::<Life>(&first.flash).unwrap();
     assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
     let text = "index out of bounds at src/x.rs:12";
-    let note = Note { kind: note::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let note = Note { kind: crash_log::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
     // To the hardware it was a reset that was asked for.
     let begin = Begin { cause: ResetCause::Software, note: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
     let life = read::<Life>(&second.flash).unwrap();
     assert_eq!((life.starts, life.unasked, life.last_reset), (2, 1, ResetCause::Panic));
     assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
-    let stop = read::<StopNote>(&second.flash).unwrap();
+    let stop = read::<CrashReport>(&second.flash).unwrap();
     assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
     let faults = read::<FaultMemory>(&second.flash).unwrap();
     let entry = faults.get(Code::Panic).expect("it is in the fault memory");

@@ -1,8 +1,8 @@
 //! Storage, frames and authentication tag on the target: the same code as on the host, so the same bits.
 
 use host_sim::pil::{PilOptions, run_to_end};
-use kou_app::rig;
-use kou_estimator::calibration::record::crc32;
+use kou_emulation::examples;
+use kou_estimator::record::crc32;
 use kou_tests::set_up;
 
 #[test]
@@ -17,7 +17,7 @@ fn qemu_storage_survives_power_cuts_and_frames_and_tag_are_the_hosts() {
     };
     let cuts: u32 = value("cuts").parse().unwrap();
     assert!(cuts > 200, "{cuts}");
-    let frames = crc32(rig::example_frames().as_flattened());
+    let frames = crc32(examples::example_frames().as_flattened());
     assert_eq!(value("frames"), format!("{frames:08x}"));
-    assert_eq!(value("tag"), format!("{:08x}", crc32(&rig::example_tag().unwrap())));
+    assert_eq!(value("tag"), format!("{:08x}", crc32(&examples::example_tag().unwrap())));
 }

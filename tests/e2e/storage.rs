@@ -1,12 +1,13 @@
 //! Records in flash against power cuts at every byte of every write, and against every damaged bit.
 
 use embassy_futures::block_on;
-use kou_app::faults::{Code, FaultMemory, Snapshot};
-use kou_app::storage::ram::Torn;
+use kou_app::diagnostics::ResetCause;
+use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
 use kou_app::storage::{
-    BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError,
-    StoredCalibration,
+    BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, Store, StoreError, StoredCalibration,
 };
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::Torn;
 use kou_tests::samples::{Random, learned};
 use kou_tests::{record_of, reference_calibration};
 

@@ -13,23 +13,26 @@ use std::task::{Context, Waker};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
-use host_sim::input::TomlFile;
-use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
-    Publish, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
+    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, NoEstimate, Publish, SensorsMemory, StorageTask,
+    Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample,
+    run_storage, run_supervise,
 };
-use kou_app::faults::FaultMemory;
+use kou_app::diagnostics::FaultMemory;
+use kou_app::diagnostics::ResetCause;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
-use kou_app::rig::{FLASH_LEN, FLASH_PAGE};
-use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
+use kou_app::sensors::adc::{ConversionError, Counts, Input, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, RamFlash, ResetCause, Store};
+use kou_app::storage::{HealthRecord, Life, Store};
 use kou_app::update::{NoKey, Service, Session};
+use kou_emulation::RamFlash;
+use kou_emulation::{FLASH_LEN, FLASH_PAGE};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
+use kou_lumped::machine::Machine;
+use kou_records::TomlFile;
 use kou_tests::{record_of, reference_calibration};
 
 /// One minute, with idling, partial and reversed displacement, and a failing sensor.
@@ -71,7 +74,8 @@ fn minute() -> Vec<Inputs> {
             let mut inputs = Inputs::new();
             for (number, conversion) in (0..).zip(&mut inputs.analog) {
                 let [_, high, low] = signals.answer(request(Input::new(number).expect("below eight")));
-                *conversion = Counts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(NoCounts::NoAnswer);
+                *conversion =
+                    Counts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(ConversionError::NoAnswer);
             }
             inputs.count = signals.count;
             for (edges, stamps) in [(&mut inputs.pump, &signals.pump), (&mut inputs.motor, &signals.motor)] {
@@ -175,9 +179,10 @@ fn drive(minutes: u64) {
     let flash = RamFlash::<FLASH_LEN, FLASH_PAGE>::new();
     let mut session = Session::new();
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
-    let rates = KeepParams::new(&KeepConfig::VEHICLE).expect("the rates make sense");
+    let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
     let begin = Begin { cause: ResetCause::PowerOn, note: None };
-    let mut keeper = Keeper::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
+    let mut keeper =
+        StorageTask::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
     let seen = Seen::default();
     let start = Instant::now();
@@ -193,7 +198,7 @@ fn drive(minutes: u64) {
             let bus = Bus::new(Nobody, Node::new(name, 0x8C), c);
             run_publish(c, start, &mut Told { seen: s, bus }).await;
         }),
-        Box::pin(async move { run_store(c, start, k).await }),
+        Box::pin(async move { run_storage(c, start, k).await }),
         Box::pin(async move { run_supervise(c, start, &mut &*s).await }),
     ];
     let mut context = Context::from_waker(Waker::noop());
@@ -230,7 +235,7 @@ fn drive(minutes: u64) {
 
 /// What is in flash at the end, and what writing it has cost.
 fn kept(
-    keeper: &mut Keeper<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
+    keeper: &mut StorageTask<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
     controller: &Controller<NoopRawMutex>,
     minutes: u64,
 ) {

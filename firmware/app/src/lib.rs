@@ -29,25 +29,13 @@
 #[cfg(test)]
 extern crate std;
 
-mod apart;
 mod log;
+mod outlined_await;
 
-pub mod callers;
+pub mod calibration;
 pub mod controller;
-pub mod faults;
+pub mod diagnostics;
 pub mod j1939;
-pub mod link;
-pub mod rig;
 pub mod sensors;
 pub mod storage;
-pub mod tasks;
 pub mod update;
-
-/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
-#[cfg(test)]
-fn clock_for_one_test() -> std::sync::MutexGuard<'static, ()> {
-    static CLOCK: std::sync::Mutex<()> = std::sync::Mutex::new(());
-    let guard = CLOCK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    embassy_time::MockDriver::get().reset();
-    guard
-}

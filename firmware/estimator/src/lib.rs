@@ -13,11 +13,11 @@
 //! | [`units`] | unit types of the boundary |
 //! | [`reading`] | readings, samples and the reasons for missing values |
 //! | [`calibration`] | configuration, its checks and its binary record |
-//! | [`oil`] | compression of the oil (Wylie) |
-//! | [`reduced`] | flow balance: forward model and inverse |
-//! | [`law`], [`region`] | the quadratic law and where it holds |
+//! | [`model::oil_compression`] | compression of the oil (Wylie) |
+//! | [`model::flow_balance`] | flow balance: forward model and inverse |
+//! | [`model::leakage_law`], [`model::calibrated_region`] | the quadratic law and where it holds |
 //! | [`health`] | level of leakage learned while driving, its changes and their causes |
-//! | [`state_record`] | what has been learned, as bytes for flash |
+//! | [`record::state`] | what has been learned, as bytes for flash |
 //! | [`estimate`] | results and the reasons for their absence |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -30,22 +30,18 @@
 pub mod calibration;
 pub mod estimate;
 pub mod health;
-pub mod law;
-pub mod oil;
+pub mod model;
 mod params;
 pub mod reading;
-pub mod reduced;
-pub mod region;
-mod root;
-mod sealed;
-pub mod state_record;
+pub mod reason;
+pub mod record;
+mod standard_error;
 mod step;
-mod uncertainty;
 pub mod units;
 
-pub use calibration::Calibration;
-pub use calibration::check::{CalibrationError, Problem};
-pub use estimate::{Estimate, Expected, Reason, Seen};
+pub use calibration::{Calibration, CalibrationError, Problem};
+pub use estimate::{Estimate, Expected, Seen};
 pub use params::Params;
 pub use reading::{Channel, Fault, Reading, Sample};
+pub use reason::Reason;
 pub use step::{State, step};

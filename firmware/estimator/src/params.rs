@@ -1,19 +1,19 @@
 //! Checked parameters: a calibration that has passed every check, prepared for evaluation.
 
-use crate::calibration::check::{self, CalibrationError};
-use crate::calibration::{Calibration, Limits, Output, SensorErrors, SensorRanges};
-use crate::health::{HealthParams, MachineParts};
-use crate::law::Law;
-use crate::oil::{Compression, OilConfig};
-use crate::reduced::{ReducedConfig, ReducedModel};
-use crate::region::RegionConfig;
+use crate::calibration::validate;
+use crate::calibration::{Calibration, CalibrationError, Limits, Output, SensorErrors, SensorRanges};
+use crate::health::{HealthContext, HealthParams, MachineParts};
+use crate::model::calibrated_model::CalibratedModel;
+use crate::model::calibrated_region::RegionConfig;
+use crate::model::flow_balance::ReducedModel;
+use crate::model::leakage_law::Law;
+use crate::model::oil_compression::Compression;
 use crate::units::Megapascal;
 
 /// Everything a step needs to know. Immutable; may be swapped for another between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
-    pub(crate) reduced: ReducedModel,
-    pub(crate) law: Law,
+    pub(crate) model: CalibratedModel,
     pub(crate) region: RegionConfig,
     pub(crate) errors: SensorErrors,
     pub(crate) ranges: SensorRanges,
@@ -30,7 +30,7 @@ impl Params {
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
         let mut params = Self::from_checked(calibration, health_of(calibration)?);
-        params.reduced.tabulate(&calibration.oil);
+        params.model.reduced.tabulate(&calibration.oil);
         Ok(params)
     }
 
@@ -43,7 +43,7 @@ impl Params {
         *place = None;
         put(place, calibration, health_of(calibration)?);
         if let Some(params) = place {
-            params.reduced.tabulate(&calibration.oil);
+            params.model.reduced.tabulate(&calibration.oil);
         }
         Ok(())
     }
@@ -60,8 +60,7 @@ impl Params {
     fn from_checked(calibration: &Calibration, health: HealthParams) -> Self {
         Self {
             health,
-            reduced: ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil)),
-            law: Law::from_checked(calibration.law),
+            model: untabulated(calibration),
             region: calibration.region,
             errors: calibration.sensor_errors,
             ranges: calibration.sensor_ranges,
@@ -71,10 +70,16 @@ impl Params {
         }
     }
 
+    /// What health monitoring borrows.
+    #[inline(always)]
+    pub(crate) fn health_context(&self) -> HealthContext<'_> {
+        HealthContext { params: &self.health, model: &self.model }
+    }
+
     /// The reduced model.
     #[must_use]
     pub fn reduced(&self) -> &ReducedModel {
-        &self.reduced
+        &self.model.reduced
     }
 
     /// Declared spans of the sensors.
@@ -104,7 +109,16 @@ impl Params {
     /// The leakage law.
     #[must_use]
     pub fn law(&self) -> &Law {
-        &self.law
+        &self.model.law
+    }
+}
+
+/// Flow balance and law, the table of compression still empty.
+#[inline(always)]
+fn untabulated(calibration: &Calibration) -> CalibratedModel {
+    CalibratedModel {
+        reduced: ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil)),
+        law: Law::from_checked(calibration.law),
     }
 }
 
@@ -118,28 +132,14 @@ fn put(place: &mut Option<Params>, calibration: &Calibration, health: HealthPara
 // Not inlined: its copies of other parts would lie on the stack beside the parameters that are being made.
 #[inline(never)]
 fn health_of(calibration: &Calibration) -> Result<HealthParams, CalibrationError> {
-    check::all(calibration)?;
-    let mut reduced = ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil));
-    reduced.tabulate(&calibration.oil);
-    let law = Law::from_checked(calibration.law);
+    validate::all(calibration)?;
+    let mut model = untabulated(calibration);
+    model.reduced.tabulate(&calibration.oil);
     let machine = MachineParts {
-        reduced: &reduced,
-        law: &law,
+        model: &model,
         errors: &calibration.sensor_errors,
         limits: &calibration.limits,
         low_pressure: calibration.machine.low_pressure,
     };
     HealthParams::new(&calibration.health, &machine)
-}
-
-impl ReducedModel {
-    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one exists.
-    ///
-    /// # Errors
-    /// The first field that is not finite or out of range.
-    pub fn new(reduced: &ReducedConfig, oil: &OilConfig) -> Result<Self, CalibrationError> {
-        check::oil(oil)?;
-        check::reduced(reduced)?;
-        Ok(Self::from_checked(*reduced, Compression::from_checked(oil)))
-    }
 }

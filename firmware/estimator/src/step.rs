@@ -3,12 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::Output;
-use crate::estimate::{Estimate, Expected, Reason, Seen};
+use crate::estimate::{Estimate, Expected, Seen};
 use crate::health::{HealthState, Terms};
+use crate::model::flow_balance::{Balance, OperatingPoint};
 use crate::params::Params;
 use crate::reading::{Channel, Fault, Reading, Sample};
-use crate::reduced::{Balance, OperatingPoint};
-use crate::uncertainty::kou_standard_error;
+use crate::reason::Reason;
+use crate::standard_error::kou_standard_error;
 use crate::units::{LeakageCoefficient, Micros, Ratio};
 
 /// What the estimator remembers between two steps.
@@ -80,7 +81,7 @@ type Parts = (Result<Expected, Reason>, Result<Seen, Reason>);
 
 #[inline(always)]
 fn refused(params: &Params, state: &mut State, sample: &Sample, reason: Reason) -> Parts {
-    state.health.skip(params, sample.time, reason);
+    state.health.skip(params.health_context(), sample.time, reason);
     (Err(reason), Err(reason))
 }
 
@@ -90,7 +91,7 @@ fn judge(params: &Params, state: &mut State, sample: &Sample) -> Parts {
         Ok(at) => at,
         Err(reason) => return refused(params, state, sample, reason),
     };
-    let balance = params.reduced.balance(&at);
+    let balance = params.model.reduced.balance(&at);
     let expected = expect(params, &at, &balance);
     let ratio = measured_ratio(params, &at, sample);
     let seen = match ratio {
@@ -102,8 +103,8 @@ fn judge(params: &Params, state: &mut State, sample: &Sample) -> Parts {
         (Ok(expected), Ok(ratio)) => {
             learn(params, &mut state.health, sample.time, &at, &balance, expected, ratio);
         }
-        (Err(reason), _) => state.health.skip(params, sample.time, *reason),
-        (_, Err(reason)) => state.health.skip(params, sample.time, reason),
+        (Err(reason), _) => state.health.skip(params.health_context(), sample.time, *reason),
+        (_, Err(reason)) => state.health.skip(params.health_context(), sample.time, reason),
     }
     (expected, seen)
 }
@@ -130,7 +131,7 @@ fn learn(
         alpha: at.displacement.get().abs(),
         chi: balance.lost_fraction().get(),
     };
-    state.takes(params, time, &terms);
+    state.takes(params.health_context(), time, &terms);
 }
 
 /// The operating point, if every reading that it needs is good and the drive works there.
@@ -168,11 +169,11 @@ fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, R
 
 /// What law and reduced model expect.
 fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
-    let point = params.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
+    let point = params.model.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
     if let Some(direction) = params.region.outside(point) {
         return Err(Reason::OutsideRegion(direction));
     }
-    let kou = params.law.evaluate(point);
+    let kou = params.model.law.evaluate(point);
     if kou.get() <= 0.0 {
         return Err(Reason::LawNotPositive);
     }
@@ -182,9 +183,9 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
     }
     Ok(Expected {
         kou,
-        kou_se: params.law.standard_error(point),
+        kou_se: params.model.law.standard_error(point),
         ratio,
-        volumetric_efficiency: params.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.model.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }
@@ -201,7 +202,7 @@ fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Resu
         Output::FlowMeter => {
             let limit = params.ranges.flow_max.get();
             let flow = judge.value(Channel::Flow, &sample.flow, |q| q.get().abs() <= limit)?;
-            params.reduced.ratio_of_flow(at, flow)
+            params.model.reduced.ratio_of_flow(at, flow)
         }
     };
     if ratio.get() * at.displacement.get() <= 0.0 { Err(Reason::RatioNotPositive) } else { Ok(ratio) }
@@ -217,12 +218,12 @@ fn see(params: &Params, at: &OperatingPoint, balance: &Balance, ratio: Ratio) ->
         return Err(Reason::KouImplausible);
     }
     let kou_se: LeakageCoefficient =
-        kou_standard_error(&params.errors, &params.reduced, balance, at, ratio, kou);
+        kou_standard_error(&params.errors, &params.model.reduced, balance, at, ratio, kou);
     Ok(Seen {
         ratio,
         kou,
         kou_se,
-        volumetric_efficiency: params.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.model.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }

@@ -2,9 +2,9 @@
 
 mod common;
 
-use kou_estimator::calibration::{Calibration, record};
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::units::*;
+use kou_estimator::{Calibration, record};
 use kou_estimator::{Channel, Estimate, Fault, Params, Reading, Reason, Sample, State, step};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -200,8 +200,8 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
 #[test]
 fn prop_a_million_random_calibrations_are_refused_or_sound() {
     let good = common::calibration();
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&good, &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&good, &mut bytes).unwrap();
     let bytes = &bytes[..length];
     let mut rng = rng();
     let (mut accepted, mut refused_record, mut refused_check) = (0_u32, 0_u32, 0_u32);
@@ -221,7 +221,7 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
         if i % 16 == 1 {
             candidate.truncate(rng.next_u32() as usize % (candidate.len() + 1));
         }
-        let Ok(calibration) = record::decode(&candidate) else {
+        let Ok(calibration) = record::calibration::decode(&candidate) else {
             refused_record += 1;
             continue;
         };
@@ -244,32 +244,32 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
 
 #[test]
 fn every_single_bit_flip_of_a_record_is_refused() {
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&common::calibration(), &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for bit in 0..length * 8 {
         let mut damaged = bytes[..length].to_vec();
         damaged[bit / 8] ^= 1 << (bit % 8);
-        assert!(record::decode(&damaged).is_err(), "bit {bit}");
+        assert!(record::calibration::decode(&damaged).is_err(), "bit {bit}");
     }
 }
 
 #[test]
 fn every_truncation_of_a_record_is_refused() {
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&common::calibration(), &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for cut in 0..length {
-        assert!(record::decode(&bytes[..cut]).is_err(), "{cut}");
+        assert!(record::calibration::decode(&bytes[..cut]).is_err(), "{cut}");
     }
-    assert_eq!(record::decode(&bytes[..=length]), Err(record::RecordError::Excess));
+    assert_eq!(record::calibration::decode(&bytes[..=length]), Err(record::RecordError::Excess));
 }
 
 #[test]
 fn record_returns_every_bit_of_the_calibration() {
     let calibration: Calibration = common::calibration();
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&calibration, &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&calibration, &mut bytes).unwrap();
     println!("record of {length} bytes");
-    assert_eq!(record::decode(&bytes[..length]).unwrap(), calibration);
+    assert_eq!(record::calibration::decode(&bytes[..length]).unwrap(), calibration);
     // Longest strings must fit as well.
     let mut longest = calibration;
     longest.machine.name = core::iter::repeat_n('m', 48).collect();
@@ -280,7 +280,7 @@ fn record_returns_every_bit_of_the_calibration() {
     longest.provenance.bench_crc32 = u32::MAX;
     longest.provenance.machine_crc32 = u32::MAX;
     longest.limits.max_age_us = u32::MAX;
-    let length = record::encode(&longest, &mut bytes).unwrap();
+    let length = record::calibration::encode(&longest, &mut bytes).unwrap();
     println!("longest record of {length} bytes");
 }
 

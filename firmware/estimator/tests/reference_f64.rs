@@ -4,8 +4,8 @@ mod common;
 
 use common::reference::{Machine, Oil};
 use kou_estimator::Params;
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
+use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::units::*;
 
 /// Oils from stiff and air-free to soft and foamy: corners of what a calibration may hold.

@@ -11,14 +11,14 @@ use serde::Serialize;
 
 use super::lines::{Lines, Series};
 use super::{Failure, print_json, print_text, progress};
-use crate::full::integrator::Integrator;
-use crate::full::oil::ATMOSPHERE_PA;
-use crate::full::run::run as run_steps;
-use crate::full::transient::{StepResponse, swash_step};
-use crate::full::waveforms::Recorder;
-use crate::full::{Held, Model, Operating, Settings, SteadyPoint};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_lumped::integrator::Integrator;
+use kou_lumped::machine::Machine;
+use kou_lumped::oil::ATMOSPHERE_PA;
+use kou_lumped::run::run as run_steps;
+use kou_lumped::transient::{StepResponse, swash_step};
+use kou_lumped::waveforms::Recorder;
+use kou_lumped::{Held, Model, Operating, Settings, SteadyPoint};
+use kou_records::InputError;
 
 /// Conditions of the paper's figures 7 and 8.
 const SPEED_RPM: f64 = 2000.0;

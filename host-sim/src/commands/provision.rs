@@ -5,12 +5,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use kou_app::update::provision;
-use kou_estimator::calibration::record;
+use kou_emulation::provisioning;
+use kou_estimator::record;
 
 use super::Failure;
-use crate::calibration;
-use crate::input::InputError;
 use crate::update::read_key_bytes;
+use kou_identify::calibration;
+use kou_records::InputError;
 
 /// Writes the image of the provisioning page: the controller's key, and a calibration to begin with.
 ///
@@ -39,17 +40,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return Err(InputError::new("is one of the inputs and would be lost").at_file(&args.out).into());
     }
     let key = args.key_file.as_deref().map(read_key_bytes).transpose()?;
-    let mut buffer = [0; record::MAX_LEN];
+    let mut buffer = [0; record::calibration::MAX_LEN];
     let record = match &args.calibration {
         Some(path) => {
             let (calibration, _) = calibration::read_checked(path)?;
-            let length =
-                record::encode(&calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+            let length = record::calibration::encode(&calibration, &mut buffer)
+                .map_err(|e| InputError::new(e.to_string()))?;
             buffer.get(..length)
         }
         None => None,
     };
-    let page = provision::page(key.as_ref(), record)
+    let page = provisioning::page(key.as_ref(), record)
         .ok_or_else(|| InputError::new("the calibration does not fit the page"))?;
     // By the controller's own reader: what it would take for an erased place must not leave production as a key.
     if let (Some(path), None) = (&args.key_file, provision::key(&page)) {

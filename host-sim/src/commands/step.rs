@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::lines::{Lines, Series};
 use super::point::Point;
 use super::{Failure, print_json, print_text};
-use crate::full::Held;
-use crate::full::transient::swash_step;
+use kou_lumped::Held;
+use kou_lumped::transient::swash_step;
 
 /// Simulates the swash plate's step to a displacement, the motor starting from rest against a resistive load.
 #[derive(Debug, clap::Args)]

@@ -9,7 +9,7 @@ use super::coverage::Looks;
 use super::drive::PERIOD_S;
 use super::noise::Noise;
 use super::world::{Event, World};
-use crate::calibration::SensorClass;
+use kou_identify::calibration::SensorClass;
 
 /// What is common to the runs of a study.
 #[derive(Debug, Clone)]

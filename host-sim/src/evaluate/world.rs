@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample};
 
 use super::drive::{Drive, PERIOD_S, Point};
 use super::noise::Noise;
-use crate::calibration::SensorClass;
+use kou_identify::calibration::SensorClass;
 
 /// What goes wrong with a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -14,8 +14,8 @@ mod session;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use kou_app::link::{Hello, Request, Response, Status};
 use kou_estimator::{Estimate, Sample};
+use kou_pil::link::{Hello, Request, Response, Status};
 
 pub use error::{BUILD_FIRMWARE, INSTALL_QEMU, PilError, Printed};
 pub use session::{BATCH_LEN, Ended, Reply, Session, frame, run_to_end};

@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::spawn;
 use std::time::{Duration, Instant};
 
-use kou_app::link::{
+use kou_pil::link::{
     FrameDecoder, FrameError, Hello, MAX_BODY, MAX_FRAME, PROTOCOL, Request, Response, Status,
     decode_response, encode,
 };

@@ -114,7 +114,7 @@ impl HealthSummary {
             gate_closed: self.closed.clone(),
             at_rated_point: params.health().severity(health.level),
             level_per_h: state.health().slope().map(|s| pair(s.per_h, s.per_h_se)),
-            remaining_h: state.health().remaining(params).map(|r| pair(r.hours, r.at_least_hours)),
+            remaining_h: state.health().remaining(params.health()).map(|r| pair(r.hours, r.at_least_hours)),
         }
     }
 }

@@ -5,16 +5,16 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::calibration::Settings;
-use crate::full::SimError;
-use crate::identify::advice::{self, Proposal};
-use crate::identify::joint::Prior;
-use crate::identify::ratio_model::{At, Change, RatioModel, ReducedRatio, Solved};
-use crate::identify::secant::{self, Secant};
-use crate::identify::{Identification, evaluate, joint_scheme, two_step};
-use crate::input::InputError;
-use crate::machine::Machine;
-use crate::record::BenchPoint;
+use kou_identify::advice::{self, Proposal};
+use kou_identify::calibration::Settings;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{At, Change, RatioModel, ReducedRatio, Solved};
+use kou_identify::secant::{self, Secant};
+use kou_identify::{Identification, evaluate, joint_scheme, two_step};
+use kou_lumped::SimError;
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
+use kou_records::InputError;
 
 /// One search of the secant method: where it started and what it was told.
 #[derive(Debug, Clone)]

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use crate::identify::ratio_model::{At, RatioModel};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_identify::ratio_model::{At, RatioModel};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 /// Set points of the paper's test grid: r/min, MPa, degC.
 const SPEEDS: [f64; 3] = [1000.0, 2000.0, 2800.0];

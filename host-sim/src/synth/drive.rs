@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use crate::identify::ratio_model::{At, RatioModel, ReducedRatio};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_identify::ratio_model::{At, RatioModel, ReducedRatio};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 const PERIOD_S: f64 = 0.1;
 const ROWS: u32 = 4800;

@@ -1,12 +1,12 @@
 //! Synthetic bench points in memory: the paper's grid, with a model as truth.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-use host_sim::calibration::{SensorClass, Settings};
-use host_sim::identify::ratio_model::{At, RatioModel};
-use host_sim::identify::{Identification, TERMS, normalised, phi};
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use host_sim::synth::{Gaps, PARTIAL};
+use kou_identify::calibration::{SensorClass, Settings};
+use kou_identify::ratio_model::{At, RatioModel};
+use kou_identify::{Identification, TERMS, normalised, phi};
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

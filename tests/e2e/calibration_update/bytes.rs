@@ -18,8 +18,8 @@ fn every_command_and_answer_is_read_as_it_was_written() {
             assert_eq!(Answer::from_bytes(answer.to_bytes()), Some(answer));
         }
     }
-    for refusal in Refusal::ALL {
-        assert_eq!(Refusal::from_number(refusal.number()), Some(refusal));
+    for refusal in RejectReason::ALL {
+        assert_eq!(RejectReason::from_number(refusal.number()), Some(refusal));
     }
 }
 

@@ -24,11 +24,11 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
     assert_eq!((loaded.counter, loaded.trouble), (8, Some(Code::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
-    controller.refuses(transfer(&old, 9, &key).commands(), Refusal::Record);
+    controller.refuses(transfer(&old, 9, &key).commands(), RejectReason::Record);
     // Of a layout that it does not read at all, with no record of the counter besides: any update could be an old one.
     block_on(controller.store.write(&Foreign(1))).unwrap();
     assert_eq!(controller.start(), CalibrationSource::Default);
-    controller.refuses(transfer(&old, u32::MAX, &key).commands(), Refusal::OldCounter);
+    controller.refuses(transfer(&old, u32::MAX, &key).commands(), RejectReason::OldCounter);
     // The workshop's way back to the default: the counter stays.
     block_on(controller.store.erase()).unwrap();
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &[] })).unwrap();
@@ -48,7 +48,7 @@ fn a_counter_that_the_calibration_no_longer_tells_is_known_from_its_own_record()
     assert_eq!(controller.start(), CalibrationSource::Default);
     assert_eq!(controller.counter, 8);
     let new = record_of(&changed(0.001));
-    controller.refuses(transfer(&new, 8, &key).commands(), Refusal::OldCounter);
+    controller.refuses(transfer(&new, 8, &key).commands(), RejectReason::OldCounter);
     let answer = controller.send(transfer(&new, 9, &key).commands());
     assert!(matches!(answer, Some(Answer::Committed { .. })), "{answer:?}");
     assert_eq!((controller.start(), controller.counter), (CalibrationSource::Stored, 9));

@@ -15,11 +15,15 @@ mod service;
 mod taken;
 
 use embassy_futures::block_on;
-use kou_app::faults::{Code, FaultMemory, Snapshot};
-use kou_app::j1939::CalibrationSource;
-use kou_app::storage::{MIN_BYTES, RamFlash, Store, StoredCalibration, load};
+use kou_app::calibration::CalibrationSource;
+use kou_app::calibration::MachineIdentity;
+use kou_app::calibration::load;
+use kou_app::diagnostics::RejectReason;
+use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
 use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Key, KeySource, Machine, Outcome, Refusal, Session, Todo, Transfer};
+use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, Transfer};
+use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Params};
 use kou_tests::samples::Random;
@@ -58,7 +62,7 @@ struct Controller {
     default: Vec<u8>,
     counter: u32,
     crc: u32,
-    machine: Option<Machine>,
+    machine: Option<MachineIdentity>,
     loaded: bool,
     now: Micros,
 }
@@ -140,13 +144,13 @@ impl Controller {
     }
 
     /// What must not change when something is refused: what is live, what is stored, and the counter.
-    fn unchanged(&mut self) -> (u32, u32, Option<Machine>) {
+    fn unchanged(&mut self) -> (u32, u32, Option<MachineIdentity>) {
         self.start();
         (self.counter, self.crc, self.machine.clone())
     }
 
     #[track_caller]
-    fn refuses(&mut self, commands: impl IntoIterator<Item = Command>, why: Refusal) {
+    fn refuses(&mut self, commands: impl IntoIterator<Item = Command>, why: RejectReason) {
         let before = self.unchanged();
         let occurred =
             |faults: &FaultMemory| faults.get(Code::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);

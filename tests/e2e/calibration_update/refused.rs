@@ -1,8 +1,8 @@
 //! Each refusal has its name, is logged and changes nothing.
 
-use kou_app::storage::ram::Torn;
 use kou_app::update::{NoKey, is_loaded, mac};
-use kou_estimator::calibration::record;
+use kou_emulation::ram_flash::Torn;
+use kou_estimator::record;
 use kou_estimator::units::{Megapascal, RevPerMin};
 use kou_estimator::{Fault, Reading, Sample};
 
@@ -19,64 +19,64 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     let commands: Vec<Command> = good.commands().collect();
 
     // Authentication: a wrong key, a changed byte, a tag for another counter.
-    controller.refuses(transfer(&new, 6, &TestKey::new(2)).commands(), Refusal::Mac);
+    controller.refuses(transfer(&new, 6, &TestKey::new(2)).commands(), RejectReason::Mac);
     let mut tampered = new.clone();
     tampered[100] ^= 1;
     let tag = mac::tag(&key.0, 6, &new).unwrap();
-    controller.refuses(Transfer::with_tag(&tampered, 6, &tag).unwrap().commands(), Refusal::Mac);
-    controller.refuses(Transfer::with_tag(&new, 7, &tag).unwrap().commands(), Refusal::Mac);
+    controller.refuses(Transfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
+    controller.refuses(Transfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
     // Replay.
-    controller.refuses(transfer(&first, 5, &key).commands(), Refusal::OldCounter);
-    controller.refuses(transfer(&new, 4, &key).commands(), Refusal::OldCounter);
+    controller.refuses(transfer(&first, 5, &key).commands(), RejectReason::OldCounter);
+    controller.refuses(transfer(&new, 4, &key).commands(), RejectReason::OldCounter);
     // Another machine, of another serial number or another type.
     let other = record_of(&with_serial(changed(0.002), "e2e-2"));
-    controller.refuses(transfer(&other, 6, &key).commands(), Refusal::WrongMachine);
+    controller.refuses(transfer(&other, 6, &key).commands(), RejectReason::WrongMachine);
     let mut other = changed(0.002);
     other.machine.name = heapless::String::try_from("another type").unwrap();
-    controller.refuses(transfer(&record_of(&other), 6, &key).commands(), Refusal::WrongMachine);
+    controller.refuses(transfer(&record_of(&other), 6, &key).commands(), RejectReason::WrongMachine);
     // No record; a record with a field that the checks refuse.
-    controller.refuses(transfer(&[0x55; 300], 6, &key).commands(), Refusal::Record);
+    controller.refuses(transfer(&[0x55; 300], 6, &key).commands(), RejectReason::Record);
     let wrong = record_of(&changed(1e6));
-    controller.refuses(transfer(&wrong, 6, &key).commands(), Refusal::Field);
+    controller.refuses(transfer(&wrong, 6, &key).commands(), RejectReason::Field);
     // Lengths that no record has.
-    for length in [0, 11, record::MAX_LEN as u16 + 1, u16::MAX] {
-        controller.refuses([Command::Begin { length, counter: 6 }], Refusal::Length);
+    for length in [0, 11, record::calibration::MAX_LEN as u16 + 1, u16::MAX] {
+        controller.refuses([Command::Begin { length, counter: 6 }], RejectReason::Length);
     }
     // Segments that are missing, twice, or too many; commit too early; no beginning.
     let mut skipped = commands.clone();
     skipped.remove(10);
-    controller.refuses(skipped, Refusal::OutOfOrder);
+    controller.refuses(skipped, RejectReason::OutOfOrder);
     let mut twice = commands.clone();
     twice.insert(10, twice[10]);
-    controller.refuses(twice, Refusal::OutOfOrder);
+    controller.refuses(twice, RejectReason::OutOfOrder);
     let mut many = commands.clone();
     let next = u8::try_from(commands.len() - 2).unwrap();
     many.insert(commands.len() - 1, Command::Data { number: next, bytes: [0; 6] });
-    controller.refuses(many, Refusal::OutOfOrder);
+    controller.refuses(many, RejectReason::OutOfOrder);
     let early = commands[..50].iter().copied().chain([Command::Commit]);
-    controller.refuses(early.collect::<Vec<_>>(), Refusal::Incomplete);
-    controller.refuses(commands[1..].to_vec(), Refusal::NoTransfer);
-    controller.refuses([Command::Commit], Refusal::NoTransfer);
+    controller.refuses(early.collect::<Vec<_>>(), RejectReason::Incomplete);
+    controller.refuses(commands[1..].to_vec(), RejectReason::NoTransfer);
+    controller.refuses([Command::Commit], RejectReason::NoTransfer);
     // A loaded drive: at the beginning, and when it came under load meanwhile.
     controller.loaded = true;
-    controller.refuses(commands.clone(), Refusal::Loaded);
+    controller.refuses(commands.clone(), RejectReason::Loaded);
     controller.loaded = false;
     let _ = controller.send(commands[..commands.len() - 1].to_vec());
     controller.loaded = true;
-    controller.refuses([Command::Commit], Refusal::Loaded);
+    controller.refuses([Command::Commit], RejectReason::Loaded);
     controller.loaded = false;
     // A tool that falls silent; a second tool that barges in.
     let _ = controller.send(commands[..20].to_vec());
     let interrupted = controller.take(0xFA, commands[0].to_bytes());
-    assert!(matches!(interrupted, Some(Answer::Refused { why: Refusal::Busy, .. })));
+    assert!(matches!(interrupted, Some(Answer::Refused { why: RejectReason::Busy, .. })));
     controller.now.0 += 1_000_001;
     let outcome = controller.session.poll(controller.now);
-    assert_eq!(outcome.refused, Some(Refusal::TimeOut));
+    assert_eq!(outcome.refused, Some(RejectReason::TimeOut));
     assert!(controller.handle(outcome).is_some() && controller.session.is_idle());
     // A command of no version.
     let unknown = controller.take(TOOL, [0x77; 8]);
-    assert!(matches!(unknown, Some(Answer::Refused { why: Refusal::Unknown, .. })));
-    for why in [Refusal::TimeOut, Refusal::Busy, Refusal::Unknown] {
+    assert!(matches!(unknown, Some(Answer::Refused { why: RejectReason::Unknown, .. })));
+    for why in [RejectReason::TimeOut, RejectReason::Busy, RejectReason::Unknown] {
         assert!(controller.faults.get(Code::UpdateRefused(why)).is_some(), "{why:?} is logged");
     }
     // A flash that fails.
@@ -99,7 +99,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
             _ => outcome.refused,
         }
     });
-    assert_eq!(answer, Some(Refusal::Storage));
+    assert_eq!(answer, Some(RejectReason::Storage));
     controller.store.flash().power_on();
     assert_eq!(controller.unchanged().0, 5);
 
@@ -112,7 +112,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
 fn a_controller_without_a_key_takes_no_update() {
     let mut controller = Controller::new(NoKey);
     let new = record_of(&changed(0.001));
-    controller.refuses(transfer(&new, 1, &TestKey::new(1)).commands(), Refusal::NoKey);
+    controller.refuses(transfer(&new, 1, &TestKey::new(1)).commands(), RejectReason::NoKey);
 }
 
 #[test]

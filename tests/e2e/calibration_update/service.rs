@@ -1,10 +1,10 @@
 //! Store and session with one owner.
 
-use kou_app::storage::ram::Torn;
 use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{Handled, Service};
-use kou_estimator::calibration::record;
+use kou_emulation::ram_flash::Torn;
 use kou_estimator::health::HealthState;
+use kou_estimator::record;
 use kou_tests::reference_params;
 
 use super::*;
@@ -36,9 +36,9 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
         (last, place)
     };
     let (refused, place) = send(&mut service, 1, &TestKey::new(2), false);
-    assert_eq!(refused.trouble, Some(Code::UpdateRefused(Refusal::Mac)));
+    assert_eq!(refused.trouble, Some(Code::UpdateRefused(RejectReason::Mac)));
     assert!(refused.adopted.is_none() && place.is_none());
-    assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(Code::UpdateRefused(Refusal::Loaded)));
+    assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(Code::UpdateRefused(RejectReason::Loaded)));
     let (taken, place) = send(&mut service, 1, &key, false);
     let crc = record::crc32(&record[..record.len() - 4]);
     assert_eq!(taken.answer, Some((TOOL, Answer::Committed { crc })));
@@ -46,7 +46,10 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     assert_eq!(place, Some(Params::new(&changed(0.001)).unwrap()));
     let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
     assert_eq!(kept, Some(UpdateCounter { counter: 1 }));
-    assert_eq!(send(&mut service, 1, &key, false).0.trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
+    assert_eq!(
+        send(&mut service, 1, &key, false).0.trouble,
+        Some(Code::UpdateRefused(RejectReason::OldCounter))
+    );
     // What is read is what is in use now; learned state only where there is one.
     let read = |service: &mut Service<'_, _, TestKey>, what| {
         let command = Command::Read { what }.to_bytes();
@@ -54,19 +57,22 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     };
     let length = u16::try_from(record.len()).unwrap();
     assert_eq!(read(&mut service, 1), Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) });
-    assert!(matches!(read(&mut service, 2), Answer::Refused { why: Refusal::NothingStored, .. }));
+    assert!(matches!(read(&mut service, 2), Answer::Refused { why: RejectReason::NothingStored, .. }));
     let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
     block_on(service.keep(&health)).unwrap();
     assert!(matches!(read(&mut service, 2), Answer::ToBeRead { what: 2, .. }));
-    assert!(matches!(read(&mut service, 3), Answer::Refused { why: Refusal::NothingStored, .. }));
+    assert!(matches!(read(&mut service, 3), Answer::Refused { why: RejectReason::NothingStored, .. }));
     assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a tool that stops reading has read enough");
     // A flash that fails in the middle: refused, nothing given out, nothing more taken until a restart.
     service.store().flash().cut_after(300, Torn::Clean);
     let (failed, place) = send(&mut service, 2, &key, false);
-    assert_eq!(failed.trouble, Some(Code::UpdateRefused(Refusal::Storage)));
+    assert_eq!(failed.trouble, Some(Code::UpdateRefused(RejectReason::Storage)));
     assert!(failed.adopted.is_none() && place.is_none());
     service.store().flash().power_on();
-    assert_eq!(send(&mut service, 3, &key, false).0.trouble, Some(Code::UpdateRefused(Refusal::OldCounter)));
+    assert_eq!(
+        send(&mut service, 3, &key, false).0.trouble,
+        Some(Code::UpdateRefused(RejectReason::OldCounter))
+    );
 }
 
 #[test]

@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command as Program;
 
-use kou_app::faults::{Code, FaultMemory, Snapshot};
+use kou_app::calibration::{CalibrationSource, CalibrationState};
+use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
-use kou_app::j1939::{
-    CalibrationSource, CalibrationState, DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received,
-};
+use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received};
 use kou_app::update::wire::{Answer, Command};
 use kou_app::update::{Guard, Session, Transfer};
 use kou_estimator::health::Health;

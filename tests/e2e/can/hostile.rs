@@ -1,13 +1,15 @@
 //! A million frames that mean harm.
 
 use embassy_futures::block_on;
-use kou_app::faults::{Code, FaultMemory, Snapshot};
+use kou_app::calibration::CalibrationState;
+use kou_app::calibration::MachineIdentity;
+use kou_app::diagnostics::RejectReason;
+use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
 use kou_app::j1939::catalogue as c;
-use kou_app::j1939::{
-    CalibrationState, DriveReadings, Frame, GLOBAL, Id, Name, Node, Outputs, Pgn, Received,
-};
-use kou_app::storage::{MIN_BYTES, RamFlash, Store, StoredCalibration};
-use kou_app::update::{Guard, Machine, Refusal, Session, Todo, Transfer};
+use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Name, Node, Outputs, Pgn, Received};
+use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
+use kou_app::update::{Guard, Session, Todo, Transfer};
+use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Reason};
 use kou_tests::samples::Random;
@@ -76,8 +78,10 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
     let key = key();
     let calibration = reference_calibration();
     let record = record_of(&calibration);
-    let machine =
-        Machine { name: calibration.machine.name.clone(), serial: calibration.machine.serial.clone() };
+    let machine = MachineIdentity {
+        name: calibration.machine.name.clone(),
+        serial: calibration.machine.serial.clone(),
+    };
     let counter = 9;
     // What the attacker recorded: the last accepted update, and one of it begun under a newer counter.
     let transfer = Transfer::new(&record, counter, &key.0).unwrap();
@@ -157,7 +161,7 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
     }
     assert!(*store.flash().cells() == cells, "flash is untouched");
     // Also the last gate was reached: a whole recording under a newer counter, stopped by its tag.
-    assert!(faults.get(Code::UpdateRefused(Refusal::Mac)).is_some());
+    assert!(faults.get(Code::UpdateRefused(RejectReason::Mac)).is_some());
     println!("{readings} readings, {refusals} refusals, {begun} steps taken, address lost {lost} times");
     // The attack reached everything that it was meant to reach.
     assert!(readings > 1000 && refusals > 100_000 && begun > 1000 && lost > 100);

@@ -7,7 +7,7 @@ mod meaning;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::faults::{Code, Dtc};
+use kou_app::diagnostics::{Code, Dtc};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{Name, NameConfig};
 use kou_app::update::{Key, KeySource};

@@ -1,6 +1,6 @@
 //! What a frame was meant to say, put together from what the firmware was given and not from the frame.
 
-use kou_app::faults::{Dtc, Trouble};
+use kou_app::diagnostics::{Dtc, Trouble};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{Frame, Outputs};

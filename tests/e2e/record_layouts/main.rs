@@ -10,10 +10,9 @@ mod shape;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::faults::FaultMemory;
-use kou_app::storage::{HealthRecord, Life, Record, StopNote, UpdateCounter};
-use kou_estimator::calibration::record;
-use kou_estimator::{Calibration, State, state_record};
+use kou_app::diagnostics::FaultMemory;
+use kou_app::storage::{CrashReport, HealthRecord, Life, Record, UpdateCounter};
+use kou_estimator::{Calibration, State, record};
 use serde::Deserialize;
 use shape::Shape;
 
@@ -55,9 +54,9 @@ fn every_record_has_the_layout_that_its_schema_says() {
         of!(FaultMemory),
         of!(Life),
         of!(UpdateCounter),
-        of!(StopNote),
-        compare("calibration_record", record::SCHEMA, &shape::of::<Calibration>()),
-        compare("state_record", state_record::SCHEMA, &shape::of::<State>()),
+        of!(CrashReport),
+        compare("calibration_record", record::calibration::SCHEMA, &shape::of::<Calibration>()),
+        compare("state_record", record::state::SCHEMA, &shape::of::<State>()),
     ];
     let wrong: Vec<String> = wrong.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{wrong:#?}");

@@ -19,10 +19,9 @@ const STORE_ITEM: Rule =
     Rule { of: &["store_item_inner"], reach: &[Reach::Named("map..Value$GT$14serialize_into")] };
 const FILL: Rule = Rule {
     of: &["map..Value$GT$14serialize_into"],
-    reach: &[Reach::Named("storage..record..Fill$GT$4fill")],
+    reach: &[Reach::Named("storage..framing..Fill$GT$4fill")],
 };
-const PLACE: Rule =
-    Rule { of: &["calibration8prepared"], reach: &[Reach::Named("calibration..Place$GT$4make")] };
+const PLACE: Rule = Rule { of: &["active8prepared"], reach: &[Reach::Named("active..ParamsSlot$GT$4make")] };
 
 /// NUCLEO-G474RE: thread for the store, executors in interrupts of peripherals that are not used.
 pub const G474: Levels = Levels {
@@ -37,7 +36,7 @@ pub const G474: Levels = Levels {
         Rule {
             of: &[
                 TASKS,
-                "controller3bus",
+                "controller8can_task",
                 "FDCAN1_IT0",
                 "RxMode12on_interrupt",
                 "drop_in_place$LT$embassy_sync",
@@ -161,5 +160,5 @@ pub const QEMU: Levels = Levels {
 };
 
 const QEMU_PUBLISH: Reach = Reach::Calling(TASKS, "j19394node4Node4poll");
-const STORE: Reach = Reach::Calling(TASKS, "controller5store");
+const STORE: Reach = Reach::Calling(TASKS, "controller12storage_task");
 const QEMU_POLLS: &[&str] = &["priority"];

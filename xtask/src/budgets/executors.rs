@@ -22,7 +22,7 @@ pub const TASKS: &str = "TaskStorage$LT$F$GT$4poll";
 
 /// From here on nothing returns.
 const ENDS: &[&str] =
-    &["9panicking", "unwrap_failed", "expect_failed", "controller4note5write", "defmt_default_panic"];
+    &["9panicking", "unwrap_failed", "expect_failed", "crash_log5write", "defmt_default_panic"];
 
 /// Exception frame with the floating-point registers, and its alignment.
 const FRAME: u32 = 26 * 4 + 4;

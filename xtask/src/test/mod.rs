@@ -89,7 +89,9 @@ pub fn run() -> Result<ExitCode> {
 
 /// Every firmware crate for its target: libraries with the firmware's profile, then each board.
 fn build_firmware(workspace: &Workspace, words: &[&str]) -> Result<()> {
-    on_target(words).args(["-p", "kou-estimator", "-p", "kou-app"]).check()?;
+    on_target(words)
+        .args(["-p", "kou-estimator", "-p", "kou-app", "-p", "kou-pil", "-p", "kou-emulation"])
+        .check()?;
     for board in workspace.below("firmware/boards") {
         on_board(board, words).check()?;
     }
@@ -99,8 +101,8 @@ fn build_firmware(workspace: &Workspace, words: &[&str]) -> Result<()> {
 /// Lints of what compiles for the target. In release, because that profile's build scripts and macros are there already.
 fn lint_firmware(workspace: &Workspace) -> Result<()> {
     let deny = ["--", "-D", "warnings"];
-    let libraries = ["clippy", "--release", "--target", TARGET, "-p", "kou-estimator", "-p", "kou-app"];
-    let mut checks = on_target(&libraries);
+    let libraries = ["-p", "kou-estimator", "-p", "kou-app", "-p", "kou-pil", "-p", "kou-emulation"];
+    let mut checks = on_target(&["clippy", "--release", "--target", TARGET]).args(libraries);
     for check in workspace.below("firmware/checks") {
         checks = checks.args(["-p", &check.name]);
     }

@@ -4,8 +4,10 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 use kou_estimator::step;
 
-use super::exchange::Estimator;
-use super::{Controller, ESTIMATE_PERIOD, NoEstimate, Pace, now};
+use super::handover::Estimator;
+use super::periodic::{Pace, now};
+use super::periods::ESTIMATE_PERIOD;
+use super::shared::{Controller, NoEstimate};
 use crate::log::info;
 
 /// Estimates for ever. Without parameters it waits for the first ones.

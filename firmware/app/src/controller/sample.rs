@@ -3,7 +3,9 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 
-use super::{Controller, ESTIMATE_PERIOD, Pace, SAMPLE_PERIOD, now};
+use super::periodic::{Pace, now};
+use super::periods::{ESTIMATE_PERIOD, SAMPLE_PERIOD};
+use super::shared::Controller;
 use crate::log::warning;
 use crate::sensors::adc::{Adc, Input};
 use crate::sensors::pickup::Edges;
@@ -24,19 +26,19 @@ pub trait EdgeTimer {
 
 /// The usual front end: a converter and a timer.
 #[derive(Debug)]
-pub struct Sampler<A, T> {
+pub struct AdcSampler<A, T> {
     adc: A,
     timer: T,
 }
 
-impl<A: Adc, T: EdgeTimer> Sampler<A, T> {
+impl<A: Adc, T: EdgeTimer> AdcSampler<A, T> {
     /// Puts the two together.
     pub const fn new(adc: A, timer: T) -> Self {
         Self { adc, timer }
     }
 }
 
-impl<A: Adc, T: EdgeTimer> FrontEnd for Sampler<A, T> {
+impl<A: Adc, T: EdgeTimer> FrontEnd for AdcSampler<A, T> {
     async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
         // First the edges: they are stamped already, and the conversions take their time.
         into.pump.clear();
@@ -110,7 +112,7 @@ fn put_together<M: RawMutex>(
     params: &SensorsParams,
     state: &mut SensorsState,
 ) -> bool {
-    let sample = state.sample(params, &controller.oil_heard());
+    let sample = state.sample(params, &controller.external_oil_temperature());
     controller.set_sample(sample);
     sample.pump_speed.value.is_err()
         || sample.motor_speed.value.is_err()

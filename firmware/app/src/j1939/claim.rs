@@ -17,7 +17,8 @@
 use kou_estimator::units::Micros;
 
 use super::catalogue::ADDRESS_CLAIMED;
-use super::{Frame, GLOBAL, Id, NULL_ADDRESS, Name};
+use super::id::{Frame, GLOBAL, Id, NULL_ADDRESS};
+use super::name::Name;
 use crate::log::{info, warning};
 
 /// How long a claim must stand unopposed.
@@ -155,7 +156,7 @@ impl Claim {
 
 #[cfg(test)]
 mod tests {
-    use super::super::NameConfig;
+    use super::super::name::NameConfig;
     use super::*;
 
     fn name(identity: u32, arbitrary_address: bool) -> Name {

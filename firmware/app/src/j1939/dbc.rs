@@ -3,9 +3,9 @@
 use core::fmt::{self, Write};
 
 use super::catalogue::ALL;
+use super::id::{GLOBAL, Id, NULL_ADDRESS};
 use super::node::UPDATE;
 use super::signal::{Message, Sender};
-use super::{GLOBAL, Id, NULL_ADDRESS};
 
 /// Source address that stands for a service tool in the file.
 const TOOL_ADDRESS: u8 = 0xF9;

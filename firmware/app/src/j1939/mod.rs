@@ -7,8 +7,9 @@
 //! | [`dbc`] | the DBC file, made of the catalogue |
 //! | [`claim`] | address claim |
 //! | [`receive`] | readings from the bus |
-//! | [`publish`], [`diagnostics`] | estimates, health and troubles as bytes |
+//! | [`publish`], [`diagnostic_messages`] | estimates, health and troubles as bytes |
 //! | [`transport`] | messages of more than eight bytes |
+//! | [`example`] | example estimate for tests on host and target |
 //! | [`node`] | all of it as one participant |
 //!
 //! Nothing here knows a CAN driver, a clock or a task: frames and times go in, frames come out. A driver's frames are
@@ -18,7 +19,8 @@
 pub mod catalogue;
 pub mod claim;
 pub mod dbc;
-pub mod diagnostics;
+pub mod diagnostic_messages;
+pub mod example;
 mod id;
 mod name;
 pub mod node;
@@ -33,5 +35,4 @@ pub use claim::Claim;
 pub use id::{Frame, GLOBAL, Id, NULL_ADDRESS, Pgn};
 pub use name::{Name, NameConfig, NameError};
 pub use node::{Node, Outputs, Received};
-pub use publish::{CalibrationSource, CalibrationState};
 pub use receive::DriveReadings;

@@ -11,12 +11,15 @@ use super::catalogue::{
     ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
     LEAKAGE, LEAKAGE_SE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
 };
-use super::diagnostics::{self, List};
-use super::publish::{self, CalibrationState};
+use super::claim::Claim;
+use super::diagnostic_messages::{self, List};
+use super::id::{Frame, GLOBAL, Id, Pgn};
+use super::name::Name;
+use super::publish;
 use super::signal::Message;
 use super::transport::Broadcast;
-use super::{Claim, Frame, GLOBAL, Id, Name, Pgn};
-use crate::faults::Troubles;
+use crate::calibration::CalibrationState;
+use crate::diagnostics::Troubles;
 
 /// Proprietary A: the calibration update's group, see `crate::update`.
 pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
@@ -95,13 +98,13 @@ impl Node {
         self.claim.address()
     }
 
-    /// Whether every address was lost, which is [`crate::faults::Code::AddressLost`].
+    /// Whether every address was lost, which is [`crate::diagnostics::Code::AddressLost`].
     #[must_use]
     pub fn is_silenced(&self) -> bool {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::faults::Code::BusSilent`].
+    /// When the last frame came from anybody; for [`crate::diagnostics::Code::BusSilent`].
     #[must_use]
     pub fn heard(&self) -> Option<Micros> {
         self.heard
@@ -196,10 +199,10 @@ impl Node {
         if self.dm1_asked || is_due && (has_active || self.dm1_held) {
             self.dm1_asked = false;
             self.dm1_held = has_active;
-            return self.tell(now, source, &DM1, &diagnostics::list(troubles, List::Active));
+            return self.tell(now, source, &DM1, &diagnostic_messages::list(troubles, List::Active));
         }
         if core::mem::take(&mut self.dm2_asked) {
-            return self.tell(now, source, &DM2, &diagnostics::list(troubles, List::Previous));
+            return self.tell(now, source, &DM2, &diagnostic_messages::list(troubles, List::Previous));
         }
         None
     }

@@ -1,42 +1,15 @@
 //! Estimates and health as messages: what stands in each is told by the catalogue, and here where it comes from.
 
 use kou_estimator::health::{Cause, Closed, Health, Stage};
-use kou_estimator::region::Direction;
+use kou_estimator::model::calibrated_region::Direction;
 use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Seen};
 
 use super::catalogue as c;
 use super::signal::{Absent, Signal};
+use crate::calibration::{CalibrationSource, CalibrationState};
 
 /// Bytes of a message before anything is written: bits of no signal are ones.
 const BLANK: [u8; 8] = [0xFF; 8];
-
-/// Where the calibration in use comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum CalibrationSource {
-    /// There is none: nothing is estimated.
-    #[default]
-    None,
-    /// The one that the firmware was built with.
-    Default,
-    /// The one in flash.
-    Stored,
-}
-
-/// The calibration in use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct CalibrationState {
-    /// Where it comes from.
-    pub source: CalibrationSource,
-    /// CRC-32 at the end of its record; 0 without one.
-    pub crc: u32,
-}
-
-impl CalibrationState {
-    /// No calibration is in use.
-    pub const NONE: Self = Self { source: CalibrationSource::None, crc: 0 };
-}
 
 /// Number of a reason in [`c::REASONS`].
 #[must_use]

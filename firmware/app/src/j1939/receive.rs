@@ -8,10 +8,10 @@
 use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
 use kou_estimator::{Fault, Reading};
 
-use super::Frame;
 use super::catalogue::{
     ETC1, HPG, HYDRAULIC_PRESSURE, INPUT_SHAFT_SPEED, OIL_TEMPERATURE, OUTPUT_SHAFT_SPEED, TRF1,
 };
+use super::id::Frame;
 use super::signal::{Absent, Message};
 
 /// Periods for which a message may stay away.
@@ -122,8 +122,8 @@ impl DriveReadings {
 
 #[cfg(test)]
 mod tests {
+    use super::super::id::{GLOBAL, Id};
     use super::super::signal::Signal;
-    use super::super::{GLOBAL, Id};
     use super::*;
 
     fn frame(message: &Message, source: u8, values: &[(Signal, Result<f32, Absent>)]) -> Frame {

@@ -3,6 +3,8 @@
 //! Encode, decode and the DBC file all read the same [`Signal`]. Numbers that mean "no value" exist on the bus only
 //! (J1939-71): they become [`Absent`] on the way in, and only this module writes them on the way out.
 
+use super::id::Pgn;
+
 /// Why a signal on the bus has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -203,7 +205,7 @@ pub struct Message {
     /// Name in the DBC file.
     pub name: &'static str,
     /// Parameter group.
-    pub pgn: super::Pgn,
+    pub pgn: Pgn,
     /// Priority with which it is sent, 0 first to 7 last.
     pub priority: u8,
     /// Length in bytes, 1 to 8.

@@ -5,10 +5,11 @@ use kou_estimator::{Channel, Estimate, Fault};
 use std::vec::Vec;
 
 use super::catalogue as c;
+use super::example::example_estimate as estimate;
 use super::signal::Absent;
 use super::*;
-use crate::faults::{Code, FaultMemory, Snapshot};
-use crate::rig::example_estimate as estimate;
+use crate::calibration::CalibrationState;
+use crate::diagnostics::{Code, FaultMemory, Snapshot};
 
 const ADDRESS: u8 = 0x27;
 

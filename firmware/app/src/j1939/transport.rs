@@ -7,10 +7,10 @@ use heapless::Vec;
 use kou_estimator::units::Micros;
 
 use super::catalogue::{TP_CM, TP_CONTROL, TP_DT, TP_PACKETS, TP_PGN, TP_SEQUENCE, TP_SIZE};
-use super::{Frame, GLOBAL, Id, Pgn};
+use super::id::{Frame, GLOBAL, Id, Pgn};
 
-/// Longest message that is sent: a list of [`crate::faults::CAPACITY`] troubles.
-pub const MAX_LEN: usize = 2 + 4 * crate::faults::CAPACITY;
+/// Longest message that is sent: a list of [`crate::diagnostics::CAPACITY`] troubles.
+pub const MAX_LEN: usize = 2 + 4 * crate::diagnostics::CAPACITY;
 /// Bytes in a packet.
 const PACKET: usize = 7;
 /// Time between packets: the standard allows 50 to 200 ms.

@@ -15,7 +15,7 @@
 use kou_estimator::units::Micros;
 use kou_estimator::{Fault, Reading};
 
-use super::adc::{Counts, NoCounts};
+use super::adc::{ConversionError, Counts};
 use super::config::{ConfigError, consistent, number, whole};
 use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
 use super::quantity::Quantity;
@@ -120,7 +120,7 @@ impl AnalogState {
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, NoCounts>,
+        conversion: Result<Counts, ConversionError>,
         live: bool,
     ) {
         self.now = now;
@@ -158,7 +158,7 @@ impl AnalogState {
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, NoCounts>,
+        conversion: Result<Counts, ConversionError>,
         live: bool,
     ) -> Result<f32, Fault> {
         let config = &params.config;

@@ -3,7 +3,7 @@
 use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Reading, Sample};
 
-use super::adc::{Counts, Input, NoCounts};
+use super::adc::{ConversionError, Counts, Input};
 use super::analog::{AnalogConfig, AnalogParams, AnalogState};
 use super::config::ConfigError;
 use super::pickup::{Edges, PickupConfig, PickupCounts, PickupParams, PickupState};
@@ -87,7 +87,7 @@ impl SensorsParams {
 #[derive(Debug, Clone)]
 pub struct Inputs {
     /// Conversions of [`SensorsParams::inputs`]; those of channels that are not fitted are not looked at.
-    pub analog: [Result<Counts, NoCounts>; CHANNELS],
+    pub analog: [Result<Counts, ConversionError>; CHANNELS],
     /// The timer's count when the edges were taken.
     pub count: u32,
     /// Edges of the pump's pickup.
@@ -101,7 +101,7 @@ impl Inputs {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            analog: [Err(NoCounts::NoAnswer); CHANNELS],
+            analog: [Err(ConversionError::NoAnswer); CHANNELS],
             count: 0,
             pump: Edges::new(),
             motor: Edges::new(),

@@ -3,10 +3,8 @@
 //! | module | duty |
 //! |---|---|
 //! | [`store`](mod@store) | records in flash, each twice, by kind |
-//! | [`record`] | the frame of a record: schema, sequence number, CRC; migration |
-//! | [`kinds`] | the records that there are |
-//! | [`calibration`] | which calibration is live after a start |
-//! | [`ram`] | a flash in RAM that can lose its supply, for emulators and tests |
+//! | [`framing`] | frame of a record: schema, sequence number, CRC; migration |
+//! | [`records`] | record types |
 //!
 //! Power may fail at any byte of any write: what is read afterwards is the old record or the new one, whole, and writing
 //! works again. A damaged bit is corrected from the record's twin. `docs/storage.md` has layout, sequence and limits.
@@ -14,16 +12,10 @@
 //! A write must be awaited to its end. A task of its own does it; never a `select` or a time-out, which would drop the
 //! flash driver in the middle of an operation.
 
-pub mod calibration;
-pub mod kinds;
-pub mod ram;
-pub mod record;
+pub mod framing;
+pub mod records;
 pub mod store;
-#[cfg(test)]
-mod tests;
 
-pub use calibration::{Live, Loaded, Place, load};
-pub use kinds::{HealthRecord, Life, ResetCause, StopNote, StoredCalibration, UpdateCounter};
-pub use ram::RamFlash;
-pub use record::{Kind, Record};
-pub use store::{BUFFER_LEN, Healed, MIN_BYTES, SetUpError, Store, StoreError};
+pub use framing::{Kind, Record};
+pub use records::{CrashReport, HealthRecord, Life, StoredCalibration, UpdateCounter};
+pub use store::{BUFFER_LEN, Healed, MIN_BYTES, RegionError, Store, StoreError};

@@ -10,15 +10,15 @@
 use core::ops::Range;
 
 use embedded_storage_async::nor_flash::NorFlash;
-use kou_estimator::calibration::record::MAX_LEN;
+use kou_estimator::record::calibration::MAX_LEN;
 use sequential_storage::Error as FlashError;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
-use crate::apart::apart;
 use crate::log::warning;
+use crate::outlined_await::await_outlined;
 
-use super::record::{Copy, DecodeError, Fields, Fill, HEAD, Kind, Outgoing, Raw, Record, TAIL};
+use super::framing::{Copy, DecodeError, Fields, Fill, HEAD, Kind, Outgoing, Raw, Record, TAIL};
 
 /// Bytes that hold any record with its frame and key: the calibration's, with counter (5) and length (3), is the longest.
 pub const BUFFER_LEN: usize = (1 + HEAD + 8 + MAX_LEN + TAIL).next_multiple_of(32);
@@ -32,7 +32,7 @@ const ATTEMPTS: u8 = 3;
 /// Why a region of flash cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum SetUpError {
+pub enum RegionError {
     /// Begin or end of the region is not that of a page, or a page or a word has a size that cannot be used.
     Pages,
     /// The region is smaller than [`MIN_BYTES`].
@@ -121,15 +121,15 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// When the region cannot be used.
-    pub fn new(flash: F, region: Range<u32>) -> Result<Self, SetUpError> {
+    pub fn new(flash: F, region: Range<u32>) -> Result<Self, RegionError> {
         if region.end.saturating_sub(region.start) < MIN_BYTES {
-            return Err(SetUpError::TooSmall);
+            return Err(RegionError::TooSmall);
         }
         // Two page marks and the item's head, each a word of at most 32 bytes.
         if F::ERASE_SIZE < BUFFER_LEN.saturating_add(96) {
-            return Err(SetUpError::PageTooSmall);
+            return Err(RegionError::PageTooSmall);
         }
-        let config = MapConfig::try_new(region).map_err(|_| SetUpError::Pages)?;
+        let config = MapConfig::try_new(region).map_err(|_| RegionError::Pages)?;
         Ok(Self {
             map: MapStorage::new(flash, config, Cache::new_uncached()),
             buffer: Buffer([0; BUFFER_LEN]),
@@ -151,7 +151,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
     pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
-        let Some(raw) = apart!(self.newest_whole(R::KIND))? else { return Ok(None) };
+        let Some(raw) = await_outlined!(self.newest_whole(R::KIND))? else { return Ok(None) };
         decoded(raw).map(Some)
     }
 
@@ -163,7 +163,7 @@ impl<F: NorFlash> Store<F> {
         &'a mut self,
         take: impl FnOnce(&mut R) -> T,
     ) -> Result<Option<T>, StoreError> {
-        let Some(raw) = apart!(self.newest_whole(R::KIND))? else { return Ok(None) };
+        let Some(raw) = await_outlined!(self.newest_whole(R::KIND))? else { return Ok(None) };
         shown(raw, take).map(Some)
     }
 
@@ -172,7 +172,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read.
     pub async fn read_body(&mut self, kind: Kind) -> Result<Option<&[u8]>, StoreError> {
-        Ok(apart!(self.newest_whole(kind))?.map(|raw| raw.body))
+        Ok(await_outlined!(self.newest_whole(kind))?.map(|raw| raw.body))
     }
 
     /// Writes a record, both copies. To be awaited to its end.
@@ -180,7 +180,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When it does not fit or the flash refuses. What was there before is then still there, or already replaced whole.
     pub async fn write<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
-        apart!(self.write_both(R::KIND, R::SCHEMA, &Fields(record)))
+        await_outlined!(self.write_both(R::KIND, R::SCHEMA, &Fields(record)))
     }
 
     /// Writes copies that are damaged, missing or older anew from the newer ones: at every start, and from time to time.
@@ -191,7 +191,7 @@ impl<F: NorFlash> Store<F> {
     pub async fn heal(&mut self, scratch: &mut [u8]) -> Result<Healed, StoreError> {
         let mut healed = Healed::default();
         for kind in Kind::ALL {
-            let [a, b] = apart!(self.sequences(kind))?;
+            let [a, b] = await_outlined!(self.sequences(kind))?;
             let (from, to) = match (a, b) {
                 (None, Some(_)) => (Copy::B, Copy::A),
                 (Some(_), None) => (Copy::A, Copy::B),
@@ -203,7 +203,7 @@ impl<F: NorFlash> Store<F> {
             let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
             let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
             let Raw { schema, sequence, body, .. } = raw;
-            apart!(self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }))?;
+            await_outlined!(self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }))?;
             healed.copies = healed.copies.saturating_add(1);
             warning!("copy of record {} written anew", kind);
         }
@@ -221,7 +221,7 @@ impl<F: NorFlash> Store<F> {
 
     /// The newest record of a kind, not yet understood.
     async fn newest_whole(&mut self, kind: Kind) -> Result<Option<Raw<'_>>, StoreError> {
-        let Some((_, newest)) = apart!(self.newest(kind))? else { return Ok(None) };
+        let Some((_, newest)) = await_outlined!(self.newest(kind))? else { return Ok(None) };
         let key = kind.key(newest);
         let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
         // It was whole a moment ago; if it is not now, the flash is failing.
@@ -230,13 +230,13 @@ impl<F: NorFlash> Store<F> {
 
     /// Writes both copies of a record.
     async fn write_both(&mut self, kind: Kind, schema: u16, body: &dyn Fill) -> Result<(), StoreError> {
-        let newest = apart!(self.newest(kind))?;
+        let newest = await_outlined!(self.newest(kind))?;
         // The copy that is not the newest goes first: until it is whole, the newest is the record.
         let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
         let first = if last == Copy::A { Copy::B } else { Copy::A };
         let sequence = sequence.saturating_add(1);
         for copy in [first, last] {
-            apart!(self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }))?;
+            await_outlined!(self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }))?;
         }
         Ok(())
     }
@@ -248,7 +248,7 @@ impl<F: NorFlash> Store<F> {
         for _ in 0..ATTEMPTS {
             let stored = self.map.store_item(&mut self.buffer.0, &outgoing.key, outgoing).await;
             result = stored.map_err(StoreError::from);
-            if result.is_ok() && apart!(self.sequence(outgoing.key))? != Some(outgoing.sequence) {
+            if result.is_ok() && await_outlined!(self.sequence(outgoing.key))? != Some(outgoing.sequence) {
                 result = Err(StoreError::Corrupted);
             }
             if !matches!(result, Err(StoreError::Flash | StoreError::Corrupted)) {
@@ -273,14 +273,14 @@ impl<F: NorFlash> Store<F> {
     async fn sequences(&mut self, kind: Kind) -> Result<[Option<u32>; 2], StoreError> {
         let mut both = [None; 2];
         for (copy, sequence) in [Copy::A, Copy::B].into_iter().zip(&mut both) {
-            *sequence = apart!(self.sequence(kind.key(copy)))?;
+            *sequence = await_outlined!(self.sequence(kind.key(copy)))?;
         }
         Ok(both)
     }
 
     /// The newest copy and its sequence number.
     async fn newest(&mut self, kind: Kind) -> Result<Option<(u32, Copy)>, StoreError> {
-        let [a, b] = apart!(self.sequences(kind))?;
+        let [a, b] = await_outlined!(self.sequences(kind))?;
         Ok(match (a, b) {
             (Some(a), Some(b)) if b > a => Some((b, Copy::B)),
             (Some(a), _) => Some((a, Copy::A)),

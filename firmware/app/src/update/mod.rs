@@ -8,7 +8,7 @@
 //! | [`service`] | session and store together, with one owner |
 //! | [`transfer`] | the tool's side: makes the commands of one update |
 //! | [`provision`] | key and first calibration, written by production |
-//! | [`refusal`] | why something is refused |
+//! | [`sizes`] | sizes of a transfer and of its buffer |
 //!
 //! An update is taken only while the drive is not loaded, from whoever holds the key, with a counter above the last
 //! one's, for this very machine, and after the record has passed every check that the estimator makes. Until all of
@@ -17,28 +17,14 @@
 
 pub mod mac;
 pub mod provision;
-pub mod refusal;
 pub mod service;
 pub mod session;
+pub mod sizes;
 pub mod transfer;
 pub mod wire;
 
 pub use mac::{Key, KeySource, NoKey, TAG_LEN};
-pub use refusal::Refusal;
 pub use service::{Handled, Opened, Service};
-pub use session::{Guard, Machine, Outcome, Session, Todo, What, is_loaded};
+pub use session::{Guard, Outcome, Session, Todo, What, is_loaded};
+pub use sizes::{BUFFER_LEN, MAX_TRANSFER};
 pub use transfer::Transfer;
-
-use kou_estimator::calibration::record;
-
-use crate::storage;
-
-/// Longest transfer: a calibration record and its tag.
-pub const MAX_TRANSFER: usize = record::MAX_LEN + TAG_LEN;
-
-/// Bytes of the session's buffer, which also serves as [`crate::storage::Store::heal`]'s scratch memory.
-pub const BUFFER_LEN: usize =
-    if MAX_TRANSFER > storage::BUFFER_LEN { MAX_TRANSFER } else { storage::BUFFER_LEN };
-
-// A segment's number is one byte.
-const _: () = assert!(MAX_TRANSFER <= 256 * wire::SEGMENT);

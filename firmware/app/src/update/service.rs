@@ -7,15 +7,16 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::Micros;
 
+use super::mac::KeySource;
 use super::session::{Guard, Outcome, Session, Todo, What};
 use super::wire::Answer;
-use super::{KeySource, Machine, Refusal};
-use crate::apart::apart;
-use crate::faults::Code;
-use crate::j1939::CalibrationState;
+use crate::calibration::{
+    CalibrationState, LiveCalibration, LoadedCalibration, MachineIdentity, ParamsSlot, load,
+};
+use crate::diagnostics::{Code, RejectReason};
+use crate::outlined_await::await_outlined;
 use crate::storage::{
-    HealthRecord, Kind, Live, Loaded, Place, Record, StopNote, Store, StoreError, StoredCalibration,
-    UpdateCounter, load,
+    CrashReport, HealthRecord, Kind, Record, Store, StoreError, StoredCalibration, UpdateCounter,
 };
 
 /// What a command led to.
@@ -52,7 +53,7 @@ pub struct Service<'d, F: NorFlash, K> {
     keys: K,
     default: Option<&'d [u8]>,
     counter: u32,
-    machine: Option<Machine>,
+    machine: Option<MachineIdentity>,
 }
 
 impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
@@ -69,12 +70,12 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
 
     /// Puts the copies in flash right, finds the calibration to use (the stored one, else the default) and makes its parameters in
     /// `place`.
-    pub async fn open(&mut self, place: &mut dyn Place) -> Opened {
+    pub async fn open(&mut self, place: &mut dyn ParamsSlot) -> Opened {
         // A copy that cannot be put right is told of by what is loaded, or by the next write.
         if let Some(scratch) = self.session.scratch() {
-            apart!(self.store.heal(scratch)).ok();
+            await_outlined!(self.store.heal(scratch)).ok();
         }
-        let opened = apart!(self.load(place));
+        let opened = await_outlined!(self.load(place));
         // Behind the calibration's own where power failed between the two writes of an update.
         let alone = self.store.read::<UpdateCounter>().await.ok().flatten();
         if alone.is_none_or(|alone| alone.counter < self.counter) && (1..u32::MAX).contains(&self.counter) {
@@ -83,15 +84,15 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
         opened
     }
 
-    async fn load(&mut self, place: &mut dyn Place) -> Opened {
-        let Loaded { live, counter, trouble } = load(self.store, self.default, place).await;
+    async fn load(&mut self, place: &mut dyn ParamsSlot) -> Opened {
+        let LoadedCalibration { live, counter, trouble } = load(self.store, self.default, place).await;
         self.counter = counter;
         Opened { adopted: self.live(live), trouble }
     }
 
     /// Remembers what is in use.
-    fn live(&mut self, live: Option<Live>) -> Option<CalibrationState> {
-        let Live { state, machine } = live?;
+    fn live(&mut self, live: Option<LiveCalibration>) -> Option<CalibrationState> {
+        let LiveCalibration { state, machine } = live?;
         self.machine = Some(machine);
         Some(state)
     }
@@ -104,13 +105,13 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
         tool: u8,
         command: [u8; 8],
         loaded: bool,
-        place: &mut dyn Place,
+        place: &mut dyn ParamsSlot,
     ) -> Handled {
         let guard = Guard { loaded, keys: &self.keys, counter: self.counter, machine: self.machine.as_ref() };
         let outcome = self.session.receive(now, tool, command, &guard);
         match outcome.todo {
             None => outcome.into(),
-            Some(Todo::Store { counter }) => apart!(self.adopt(counter, place)),
+            Some(Todo::Store { counter }) => await_outlined!(self.adopt(counter, place)),
             Some(Todo::Fill(What::Calibration)) => {
                 let default = self.default;
                 let stored = self.store.read::<StoredCalibration<'_>>().await.ok().flatten();
@@ -118,7 +119,7 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
                 self.session.fill(now, |buffer| copy(record.or(default)?, buffer)).into()
             }
             Some(Todo::Fill(what)) => {
-                let kind = if what == What::Stop { StopNote::KIND } else { HealthRecord::KIND };
+                let kind = if what == What::Stop { CrashReport::KIND } else { HealthRecord::KIND };
                 self.give(now, kind).await
             }
         }
@@ -149,16 +150,16 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
     }
 
     /// Writes the checked calibration, and only then gives it out.
-    async fn adopt(&mut self, counter: u32, place: &mut dyn Place) -> Handled {
+    async fn adopt(&mut self, counter: u32, place: &mut dyn ParamsSlot) -> Handled {
         let stored = StoredCalibration { counter, record: self.session.record() };
         let is_written = self.store.write(&stored).await.is_ok();
-        let live = if is_written { Live::stored(self.session.record(), place) } else { None };
+        let live = if is_written { LiveCalibration::stored(self.session.record(), place) } else { None };
         let mut handled = Handled::from(self.session.stored(is_written));
         handled.adopted = self.live(live);
         if handled.adopted.is_none() {
             // What is in flash now is known again after a restart; until then nothing more is written over it.
             self.counter = u32::MAX;
-            handled.trouble = Some(Code::UpdateRefused(Refusal::Storage));
+            handled.trouble = Some(Code::UpdateRefused(RejectReason::Storage));
             return handled;
         }
         self.counter = counter;

@@ -9,16 +9,17 @@
 //! The session does neither flash nor swap: it says what is [to do](Todo), and is told how it went. It needs one buffer
 //! for one transfer, its own.
 
-use heapless::String;
 use kou_estimator::Sample;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::{Megapascal, Micros};
 
 use super::mac::{self, KeySource, TAG_LEN};
+use super::sizes::BUFFER_LEN;
 use super::wire::{Answer, Command, segment, transfer_len};
-use super::{BUFFER_LEN, Refusal};
+use crate::calibration::MachineIdentity;
+use crate::calibration::active::{checked, crc_of};
+use crate::diagnostics::RejectReason;
 use crate::log::info;
-use crate::storage::calibration::checked;
 
 /// Longest silence of a tool in the middle of a transfer.
 pub const TIME_OUT: Micros = Micros(1_000_000);
@@ -26,25 +27,6 @@ pub const TIME_OUT: Micros = Micros(1_000_000);
 const MIN_LEN: usize = 12;
 /// Fastest pump that counts as standing still, where the pressure is not known, r/min.
 const STANDSTILL_RPM: f32 = 1.0;
-
-/// Which machine a calibration is for.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Machine {
-    /// Type of machine.
-    pub name: String<48>,
-    /// Serial number; empty where the calibration is for the type.
-    pub serial: String<32>,
-}
-
-impl Machine {
-    /// Whether a calibration for `other` may take the place of one for this machine: of the same type, and of the same
-    /// serial number where this one has one. So a controller that was delivered with its type's calibration takes
-    /// one of any machine of the type, once; from then on it belongs to that machine.
-    #[must_use]
-    pub fn takes(&self, other: &Self) -> bool {
-        self.name == other.name && (self.serial.is_empty() || self.serial == other.serial)
-    }
-}
 
 /// Whether the drive is loaded: the lines' pressure difference is at least `least_difference`, the calibration's
 /// `limits.min_pressure_difference_mpa`. What is not known counts as loaded, but where the pressure is not known a pump at
@@ -73,7 +55,7 @@ pub struct Guard<'a> {
     /// Counter of the last accepted update.
     pub counter: u32,
     /// The machine of the calibration in use; nothing where none is in use: then the first one is taken.
-    pub machine: Option<&'a Machine>,
+    pub machine: Option<&'a MachineIdentity>,
 }
 
 /// What can be read.
@@ -84,7 +66,7 @@ pub enum What {
     Calibration,
     /// Learned state as last written: [`crate::storage::HealthRecord`] in postcard's wire format.
     Health,
-    /// Why the firmware last stopped itself: [`crate::storage::StopNote`] in postcard's wire format.
+    /// Why the firmware last stopped itself: [`crate::storage::CrashReport`] in postcard's wire format.
     Stop,
 }
 
@@ -125,8 +107,8 @@ pub enum Todo {
 pub struct Outcome {
     /// To be sent back to this address.
     pub answer: Option<(u8, Answer)>,
-    /// To be recorded as [`crate::faults::Code::UpdateRefused`].
-    pub refused: Option<Refusal>,
+    /// To be recorded as [`crate::diagnostics::Code::UpdateRefused`].
+    pub refused: Option<RejectReason>,
     /// To be done.
     pub todo: Option<Todo>,
 }
@@ -136,7 +118,7 @@ impl Outcome {
         Self { answer: Some((to, answer)), ..Self::default() }
     }
 
-    fn refusal(to: u8, command: u8, why: Refusal, detail: u32) -> Self {
+    fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
         Self { refused: Some(why), ..Self::answer(to, Answer::Refused { command, why, detail }) }
     }
 
@@ -203,22 +185,22 @@ impl Session {
         if matches!(self.stage, Stage::Writing { .. } | Stage::Filling { .. })
             || !self.is_idle() && tool != self.tool
         {
-            return refuse(Refusal::Busy);
+            return refuse(RejectReason::Busy);
         }
-        let Some(command) = Command::from_bytes(command) else { return refuse(Refusal::Unknown) };
+        let Some(command) = Command::from_bytes(command) else { return refuse(RejectReason::Unknown) };
         self.last = now;
         match self.step(tool, command, guard) {
             Ok(outcome) => outcome,
             Err(why) => {
                 // Whatever was under way is over: a refused transfer is begun anew.
                 self.stage = Stage::Idle;
-                let detail = if why == Refusal::OldCounter { guard.counter } else { 0 };
+                let detail = if why == RejectReason::OldCounter { guard.counter } else { 0 };
                 Outcome::refusal(tool, number, why, detail)
             }
         }
     }
 
-    fn step(&mut self, tool: u8, command: Command, guard: &Guard<'_>) -> Result<Outcome, Refusal> {
+    fn step(&mut self, tool: u8, command: Command, guard: &Guard<'_>) -> Result<Outcome, RejectReason> {
         match (command, self.stage) {
             (Command::Begin { length, counter }, _) => {
                 self.stage = begin(usize::from(length), counter, guard)?;
@@ -240,27 +222,35 @@ impl Session {
                 Ok(Outcome::answer(tool, Answer::Aborted))
             }
             (Command::Read { what }, Stage::Idle | Stage::Reading { .. }) => {
-                let what = What::from_number(what).ok_or(Refusal::Unknown)?;
+                let what = What::from_number(what).ok_or(RejectReason::Unknown)?;
                 self.stage = Stage::Filling { what };
                 self.tool = tool;
                 Ok(Outcome::todo(Todo::Fill(what)))
             }
             (Command::Next { number }, Stage::Reading { length }) => {
                 let bytes = self.buffer.get(..length).unwrap_or_default();
-                let bytes = segment(bytes, number).ok_or(Refusal::OutOfOrder)?;
+                let bytes = segment(bytes, number).ok_or(RejectReason::OutOfOrder)?;
                 Ok(Outcome::answer(tool, Answer::Segment { number, bytes }))
             }
-            (Command::Read { .. }, _) => Err(Refusal::Busy),
-            (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => Err(Refusal::NoTransfer),
+            (Command::Read { .. }, _) => Err(RejectReason::Busy),
+            (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => {
+                Err(RejectReason::NoTransfer)
+            }
         }
     }
 
     /// Takes one segment; it must be the one that is due.
-    fn take(&mut self, number: usize, bytes: &[u8], length: usize, filled: usize) -> Result<usize, Refusal> {
+    fn take(
+        &mut self,
+        number: usize,
+        bytes: &[u8],
+        length: usize,
+        filled: usize,
+    ) -> Result<usize, RejectReason> {
         let total = transfer_len(length);
         let rest = self.buffer.get_mut(filled..total).unwrap_or_default();
         if number.saturating_mul(bytes.len()) != filled || rest.is_empty() {
-            return Err(Refusal::OutOfOrder);
+            return Err(RejectReason::OutOfOrder);
         }
         for (slot, byte) in rest.iter_mut().zip(bytes) {
             *slot = *byte;
@@ -269,29 +259,36 @@ impl Session {
     }
 
     /// Everything that must hold before the record is written.
-    fn check(&self, length: usize, counter: u32, filled: usize, guard: &Guard<'_>) -> Result<(), Refusal> {
+    fn check(
+        &self,
+        length: usize,
+        counter: u32,
+        filled: usize,
+        guard: &Guard<'_>,
+    ) -> Result<(), RejectReason> {
         if filled < transfer_len(length) {
-            return Err(Refusal::Incomplete);
+            return Err(RejectReason::Incomplete);
         }
         if guard.loaded {
-            return Err(Refusal::Loaded);
+            return Err(RejectReason::Loaded);
         }
         // It may have been raised by another way since the transfer began.
         if counter <= guard.counter {
-            return Err(Refusal::OldCounter);
+            return Err(RejectReason::OldCounter);
         }
-        let key = guard.keys.update_key().ok_or(Refusal::NoKey)?;
-        let record = self.buffer.get(..length).ok_or(Refusal::Length)?;
-        let tag = self.buffer.get(length..).and_then(|rest| rest.get(..TAG_LEN)).ok_or(Refusal::Length)?;
+        let key = guard.keys.update_key().ok_or(RejectReason::NoKey)?;
+        let record = self.buffer.get(..length).ok_or(RejectReason::Length)?;
+        let tag =
+            self.buffer.get(length..).and_then(|rest| rest.get(..TAG_LEN)).ok_or(RejectReason::Length)?;
         if !mac::is_authentic(&key, counter, record, tag) {
-            return Err(Refusal::Mac);
+            return Err(RejectReason::Mac);
         }
         check_record(record, guard.machine)
     }
 
     /// Told how writing went; gives the answer to the tool. The record is gone with it: take it into use before.
     pub fn stored(&mut self, is_written: bool) -> Outcome {
-        let crc = crate::storage::calibration::crc_of(self.record());
+        let crc = crc_of(self.record());
         if !matches!(core::mem::replace(&mut self.stage, Stage::Idle), Stage::Writing { .. }) {
             return Outcome::default();
         }
@@ -299,7 +296,7 @@ impl Session {
             info!("calibration {=u32:08x} accepted over CAN", crc);
             Outcome::answer(self.tool, Answer::Committed { crc })
         } else {
-            Outcome::refusal(self.tool, 3, Refusal::Storage, 0)
+            Outcome::refusal(self.tool, 3, RejectReason::Storage, 0)
         }
     }
 
@@ -309,7 +306,7 @@ impl Session {
         let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
         let Some((length, on_wire)) = length.and_then(|l| Some((l, u16::try_from(l).ok()?))) else {
             self.stage = Stage::Idle;
-            return Outcome::refusal(self.tool, 0x11, Refusal::NothingStored, 0);
+            return Outcome::refusal(self.tool, 0x11, RejectReason::NothingStored, 0);
         };
         self.stage = Stage::Reading { length };
         self.last = now;
@@ -323,7 +320,7 @@ impl Session {
         match self.stage {
             Stage::Receiving { .. } if is_late => {
                 self.stage = Stage::Idle;
-                Outcome::refusal(self.tool, 2, Refusal::TimeOut, 0)
+                Outcome::refusal(self.tool, 2, RejectReason::TimeOut, 0)
             }
             // A tool that stops reading has read enough.
             Stage::Reading { .. } if is_late => {
@@ -335,27 +332,27 @@ impl Session {
     }
 }
 
-fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Refusal> {
+fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, RejectReason> {
     if guard.keys.update_key().is_none() {
-        return Err(Refusal::NoKey);
+        return Err(RejectReason::NoKey);
     }
     if guard.loaded {
-        return Err(Refusal::Loaded);
+        return Err(RejectReason::Loaded);
     }
     if counter <= guard.counter {
-        return Err(Refusal::OldCounter);
+        return Err(RejectReason::OldCounter);
     }
-    if !(MIN_LEN..=record::MAX_LEN).contains(&length) {
-        return Err(Refusal::Length);
+    if !(MIN_LEN..=record::calibration::MAX_LEN).contains(&length) {
+        return Err(RejectReason::Length);
     }
     Ok(Stage::Receiving { length, counter, filled: 0 })
 }
 
 /// The whole record: readable, past every check that the estimator makes, and for this machine.
-fn check_record(bytes: &[u8], machine: Option<&Machine>) -> Result<(), Refusal> {
+fn check_record(bytes: &[u8], machine: Option<&MachineIdentity>) -> Result<(), RejectReason> {
     let candidate = checked(bytes)?;
     if machine.is_some_and(|machine| !machine.takes(&candidate)) {
-        return Err(Refusal::WrongMachine);
+        return Err(RejectReason::WrongMachine);
     }
     Ok(())
 }

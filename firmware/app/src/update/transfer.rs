@@ -1,10 +1,11 @@
 //! The tool's side of an update: the commands, one after the other. Each is sent when the one before was answered well.
 
-use kou_estimator::calibration::record::MAX_LEN;
+use kou_estimator::record::calibration::MAX_LEN;
 
 use super::mac::{self, Key, TAG_LEN};
+use super::sizes::MAX_TRANSFER;
 use super::wire::{Command, SEGMENT, segment};
-use super::{MAX_TRANSFER, Refusal};
+use crate::diagnostics::RejectReason;
 
 /// One update, ready to be sent.
 #[derive(Debug, Clone)]
@@ -18,9 +19,9 @@ impl Transfer {
     /// Puts record and tag together.
     ///
     /// # Errors
-    /// [`Refusal::Length`] for bytes that are no record by their length.
-    pub fn new(record: &[u8], counter: u32, key: &Key) -> Result<Self, Refusal> {
-        let tag = mac::tag(key, counter, record).ok_or(Refusal::Length)?;
+    /// [`RejectReason::Length`] for bytes that are no record by their length.
+    pub fn new(record: &[u8], counter: u32, key: &Key) -> Result<Self, RejectReason> {
+        let tag = mac::tag(key, counter, record).ok_or(RejectReason::Length)?;
         Self::with_tag(record, counter, &tag)
     }
 
@@ -28,14 +29,14 @@ impl Transfer {
     ///
     /// # Errors
     /// As of [`new`](Self::new).
-    pub fn with_tag(record: &[u8], counter: u32, tag: &[u8; TAG_LEN]) -> Result<Self, Refusal> {
+    pub fn with_tag(record: &[u8], counter: u32, tag: &[u8; TAG_LEN]) -> Result<Self, RejectReason> {
         if record.is_empty() || record.len() > MAX_LEN {
-            return Err(Refusal::Length);
+            return Err(RejectReason::Length);
         }
-        let length = u16::try_from(record.len()).map_err(|_| Refusal::Length)?;
+        let length = u16::try_from(record.len()).map_err(|_| RejectReason::Length)?;
         let mut bytes = heapless::Vec::new();
-        bytes.extend_from_slice(record).map_err(|_| Refusal::Length)?;
-        bytes.extend_from_slice(tag).map_err(|_| Refusal::Length)?;
+        bytes.extend_from_slice(record).map_err(|_| RejectReason::Length)?;
+        bytes.extend_from_slice(tag).map_err(|_| RejectReason::Length)?;
         Ok(Self { bytes, length, counter })
     }
 

@@ -19,7 +19,8 @@
 //! refused      7F   command  number of the refusal, FF, detail u32 LE (old counter: the last one)
 //! ```
 
-use super::{Refusal, TAG_LEN};
+use super::mac::TAG_LEN;
+use crate::diagnostics::RejectReason;
 
 /// Version of this protocol.
 pub const VERSION: u8 = 1;
@@ -145,7 +146,7 @@ pub enum Answer {
         /// First byte of the command.
         command: u8,
         /// Why.
-        why: Refusal,
+        why: RejectReason,
         /// More, of some refusals.
         detail: u32,
     },
@@ -158,7 +159,7 @@ impl Answer {
         let [answer, one, b2, b3, b4, b5, b6, b7] = bytes;
         let last = u32::from_le_bytes([b4, b5, b6, b7]);
         Some(match answer {
-            REFUSED => Self::Refused { command: one, why: Refusal::from_number(b2)?, detail: last },
+            REFUSED => Self::Refused { command: one, why: RejectReason::from_number(b2)?, detail: last },
             _ => match answer.checked_sub(ANSWER)? {
                 BEGIN => Self::Begun,
                 DATA => Self::Taken { next: one },

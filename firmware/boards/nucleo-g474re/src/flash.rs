@@ -21,10 +21,10 @@ use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::FLASH;
-use kou_app::storage::{SetUpError, Store};
+use kou_app::storage::{RegionError, Store};
 use kou_app::update::{Key, KeySource, provision};
 
-use crate::keeper;
+use crate::watchdog;
 
 /// First byte of the records, from the flash's beginning, and the one behind the last.
 const RECORDS: core::ops::Range<u32> = 0x7_0000..0x7_8000;
@@ -60,9 +60,9 @@ impl KeySource for Provisioned {
 pub(crate) fn store(
     flash: Peri<'static, FLASH>,
     irqs: impl Binding<typelevel::FLASH, InterruptHandler> + 'static,
-) -> Result<Store<Flash<'static, Mode>>, SetUpError> {
+) -> Result<Store<Flash<'static, Mode>>, RegionError> {
     if !pac::FLASH.optr().read().dbank() {
-        return Err(SetUpError::Pages);
+        return Err(RegionError::Pages);
     }
     Store::new(Flash::new(flash, irqs), RECORDS)
 }
@@ -75,7 +75,7 @@ unsafe fn NonMaskableInt() {
         // Written as one, it clears.
         pac::FLASH.eccr().modify(|eccr| eccr.set_eccd(true));
     } else {
-        keeper::stop(if ecc.eccd() {
+        watchdog::stop(if ecc.eccd() {
             "flash is damaged: ECC"
         } else {
             "non-maskable interrupt: clock or RAM"

@@ -2,24 +2,24 @@
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`callers`] | who called, for the note that a panic leaves |
+//! | [`backtrace`] | who called, for the note that a panic leaves |
 //! | [`can`] | the CAN bus |
 //! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
-//! | [`keeper`] | watchdog, reset cause, the note across a reset, panics and hard faults |
+//! | [`watchdog`] | watchdog, reset cause, the note across a reset, panics and hard faults |
 //!
 //! The pins are in the README. `unsafe` stands where hardware needs it, each use with its reason.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-mod callers;
+mod backtrace;
 mod can;
 mod clocks;
 mod flash;
-mod keeper;
 mod pickups;
+mod watchdog;
 
 use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, SpawnError, Spawner};
@@ -34,8 +34,9 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler,
-    SensorsMemory, run_estimate, run_publish, run_sample, run_store, run_supervise,
+    AdcSampler, Bus, Controller, Estimator, NoEstimate, Publish, SensorsMemory, StorageTask as Records,
+    WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
+    run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
@@ -43,13 +44,13 @@ use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::storage::Store;
 use kou_app::update::{Service, Session};
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;
 
-use crate::keeper::Keeper;
 use crate::pickups::Pickups;
+use crate::watchdog::StorageTask;
 
 defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
 
@@ -91,7 +92,7 @@ unsafe fn LPUART1() {
     unsafe { LOW.on_interrupt() }
 }
 
-type FrontEnd = Sampler<
+type FrontEnd = AdcSampler<
     Mcp3208<
         ExclusiveDevice<
             Spi<'static, Async, spi::mode::Master>,
@@ -157,11 +158,11 @@ async fn publish(shared: &'static Shared, start: Instant, to: &'static mut Told)
 
 #[embassy_executor::task]
 async fn keep(shared: &'static Shared, start: Instant, records: &'static mut FlashRecords) {
-    run_store(shared, start, records).await
+    run_storage(shared, start, records).await
 }
 
 #[embassy_executor::task]
-async fn supervise(shared: &'static Shared, start: Instant, mut keeper: Keeper) {
+async fn supervise(shared: &'static Shared, start: Instant, mut keeper: StorageTask) {
     run_supervise(shared, start, &mut keeper).await
 }
 
@@ -187,8 +188,8 @@ impl Publish for Told {
         }
     }
 
-    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
-        self.bus.oil_heard(now)
+    fn external_oil_temperature(&self, now: Micros) -> Reading<Celsius> {
+        self.bus.external_oil_temperature(now)
     }
 }
 
@@ -211,7 +212,7 @@ const ADC_CLOCK: Hertz = Hertz(1_000_000);
 fn kept<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
     match place.try_init_with(make) {
         Some(value) => value,
-        None => keeper::stop("made twice"),
+        None => watchdog::stop("made twice"),
     }
 }
 
@@ -223,7 +224,7 @@ fn shared() -> &'static Shared {
 fn sensors() -> &'static SensorsParams {
     let params = || match SensorsParams::new(&wiring::REFERENCE) {
         Ok(params) => params,
-        Err(_) => keeper::stop("wiring"),
+        Err(_) => watchdog::stop("wiring"),
     };
     kept(&SENSORS, params)
 }
@@ -241,23 +242,25 @@ fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
     let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
     let (pump, motor) = pins.pickups;
     let timer = Pickups::new(pins.timer, pump, motor, Irqs);
-    kept(&FRONT_END, || Sampler::new(Mcp3208::new(device), timer))
+    kept(&FRONT_END, || AdcSampler::new(Mcp3208::new(device), timer))
 }
 
 #[inline(never)]
 fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
-    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { keeper::stop("name") };
-    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else { keeper::stop("CAN") };
+    let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { watchdog::stop("name") };
+    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else {
+        watchdog::stop("CAN")
+    };
     kept(&TOLD, || {
         let bus = Bus::new(port, Node::new(name, ADDRESS), shared);
-        Told { bus: OIL_FROM.into_iter().fold(bus, Bus::hearing_oil_from), was_valid: None }
+        Told { bus: OIL_FROM.into_iter().fold(bus, Bus::with_external_oil_temperature), was_valid: None }
     })
 }
 
 #[inline(never)]
 fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecords {
-    let begin = keeper::begin();
-    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { keeper::stop("rates") };
+    let begin = watchdog::begin();
+    let Ok(rates) = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE) else { watchdog::stop("rates") };
     let (store, session) = (store(flash), kept(&SESSION, Session::new));
     let service = Service::new(store, session, flash::Provisioned, flash::default_calibration());
     kept(&RECORDS, || Records::new(service, rates, begin))
@@ -267,13 +270,13 @@ fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecord
 fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'static, flash::Mode>> {
     let store = || match flash::store(flash, Irqs) {
         Ok(store) => store,
-        Err(_) => keeper::stop("flash is not two banks"),
+        Err(_) => watchdog::stop("flash is not two banks"),
     };
     kept(&STORE, store)
 }
 
 fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
-    let keeper = Keeper::new(p.IWDG);
+    let keeper = StorageTask::new(p.IWDG);
     let shared: &'static Shared = shared();
     let records = records(p.FLASH);
     let (params, memory) = (sensors(), kept(&SENSORS_MEMORY, SensorsMemory::new));
@@ -308,6 +311,6 @@ async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(clocks::config());
     defmt::info!("{=str} {=str} up", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
     if start(spawner, p).is_err() {
-        keeper::stop("task");
+        watchdog::stop("task");
     }
 }

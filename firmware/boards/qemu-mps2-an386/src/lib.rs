@@ -6,7 +6,7 @@
 //! | [`mod@line`] | the link's line: a pair of files or FIFOs reached by semihosting |
 //! | [`uart`] | the same over UART 0 |
 //! | [`priority`] | the controller's executors, of three priorities |
-//! | [`rig`] | the controller's hardware, whose other end is the host |
+//! | [`emulated`] | the controller's hardware, whose other end is the host |
 //! | [`stack`] | how deep the stack has been |
 //! | [`exit`] | the codes with which the firmware ends QEMU |
 //! | `faults` | panics and hard faults: logged, then the end of QEMU with a code |
@@ -16,19 +16,19 @@
 #![no_std]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+pub mod emulated;
 pub mod exit;
 mod faults;
 pub mod line;
 pub mod priority;
 mod registers;
-pub mod rig;
 pub mod stack;
 pub mod time;
 pub mod uart;
 mod vectors;
 
 use defmt_semihosting as _;
-use kou_app::tasks::Board;
+use kou_pil::server::Board;
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 

@@ -9,7 +9,7 @@ use core::ffi::CStr;
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use kou_app::tasks::InFlight;
+use kou_pil::server::InFlight;
 use semihosting::fs::File;
 use semihosting::io::{self, Read as _, Write as _};
 

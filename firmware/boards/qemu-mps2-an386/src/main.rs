@@ -6,7 +6,7 @@
 use embassy_executor::{SpawnError, Spawner};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_time::{Duration, Timer};
-use kou_app::tasks::{Bus, LinkEnd, run_estimate, run_heartbeat, run_link_in, run_link_out};
+use kou_pil::server::{Bus, LinkEnd, run_estimate, run_heartbeat, run_link_in, run_link_out};
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::line::{self, Requests, Responses};

@@ -15,92 +15,35 @@
 //! leakage remains is wear confirmed.
 //!
 //! All of it is fixed in size, bounded in value, and the state can be saved and restored without changing a bit of what
-//! follows ([`crate::state_record`]). The work for a block is spread over the samples after it, one stage each, so that no
+//! follows ([`crate::record::state`]). The work for a block is spread over the samples after it, one stage each, so that no
 //! sample pays for all of it (`stages`). `docs/health.md` states gate, recursion and thresholds, and what `host-sim evaluate`
 //! measured.
 
-mod block;
-mod config;
-mod drift_watch;
-mod gate;
-mod judge;
-mod signature;
-mod stages;
+mod averaging;
+mod block_update;
+mod context;
+mod cusum;
+mod diagnosis;
+mod drift;
+mod fault_debounce;
+mod fault_isolation;
+mod params;
+mod pipeline;
+mod prognosis;
+mod r_statistic;
 mod state;
-mod steady;
-mod step_watch;
-mod trend;
-mod trouble;
-mod ud;
+mod status;
+mod steady_gate;
+mod tuning;
+mod ud_rls;
 
-use serde::{Deserialize, Serialize};
-
-use crate::units::{Micros, Ratio};
-pub(crate) use block::Terms;
-pub(crate) use config::MachineParts;
-pub use config::{HealthConfig, HealthParams, Severity};
-pub use gate::Closed;
-pub use signature::{CAUSES, Cause, Causes};
+pub(crate) use averaging::Terms;
+pub(crate) use context::HealthContext;
+pub use fault_debounce::{Stage, Trouble};
+pub use fault_isolation::{CAUSES, Cause, Causes};
+pub(crate) use params::MachineParts;
+pub use params::{HealthParams, Severity};
+pub use prognosis::{Remaining, Slope};
 pub use state::HealthState;
-pub use trend::{Remaining, Slope};
-pub use trouble::{Stage, Trouble};
-
-/// A change that was found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Change {
-    /// When it was found.
-    pub time: Micros,
-    /// Level before, leakage over the law's.
-    pub from: Ratio,
-    /// Level found.
-    pub to: Ratio,
-    /// Whether it came as a step, found by the cumulative sum, or as a drift.
-    pub step: bool,
-}
-
-/// What the learned state says after a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Health {
-    /// Whether the last full block was used, or why not; a sample that cannot be used closes the gate at once.
-    pub gate: Result<(), Closed>,
-    /// Level: leakage over the law's.
-    pub level: Ratio,
-    /// Standard error of the level, with what the time since the last used block may have changed and what no driving
-    /// averages out: systematic errors of pressure and temperature, misfit of the law.
-    pub level_se: Ratio,
-    /// Factor on the ratio that is not leakage, less 1.
-    pub ratio_offset: Ratio,
-    /// Number of changes reported since the state was reset.
-    pub changes: u16,
-    /// Causes that remain for the last change; empty when there was none or nothing is known yet.
-    pub causes: Causes,
-    /// Trouble: the machine leaks more than it did, and nothing but leakage explains it.
-    pub wear: Stage,
-    /// Trouble: a sensor, the displacement or the oil explains a change, and leakage does not.
-    pub sensor: Stage,
-}
-
-impl Health {
-    /// Before anything was learned.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self {
-            gate: Err(Closed::Filling),
-            level: Ratio(1.0),
-            level_se: Ratio(state::LEVEL_SD_START),
-            ratio_offset: Ratio(0.0),
-            changes: 0,
-            causes: Causes::none(),
-            wear: Stage::Absent,
-            sensor: Stage::Absent,
-        }
-    }
-}
-
-impl Default for Health {
-    fn default() -> Self {
-        Self::new()
-    }
-}
+pub use status::{Change, Health};
+pub use steady_gate::Closed;

@@ -6,21 +6,19 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::block::{Accumulator, Block, Terms};
-use super::config::Severity;
-use super::drift_watch::DriftWatch;
-use super::gate::{Closed, Gate};
-use super::judge::Judge;
-use super::stages::{Stage, Used};
-use super::step_watch::StepWatch;
-use super::trend::{Remaining, Slope, Trend};
-use super::trouble::Trouble;
-use super::ud::{PARAMETERS, UdFilter};
-use super::{Change, Health};
-use crate::estimate::Reason;
-use crate::params::Params;
-use crate::root::square_root;
-use crate::units::{Micros, Ratio};
+use super::averaging::{Accumulator, Block};
+use super::block_update::{Stage, Used};
+use super::cusum::StepWatch;
+use super::diagnosis::Judge;
+use super::drift::DriftWatch;
+use super::fault_debounce::Trouble;
+use super::params::{HealthParams, Severity};
+use super::prognosis::{Remaining, Slope, Trend};
+use super::status::{Change, Health};
+use super::steady_gate::{Closed, Gate};
+use super::tuning::LEVEL_SD_START;
+use super::ud_rls::{PARAMETERS, UdFilter};
+use crate::units::Micros;
 
 /// What changes. At most 1 KiB; `Clone` and the saved form keep every bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,9 +43,6 @@ pub struct HealthState {
     pub(super) trend_blocks: u16,
     pub(super) told: Health,
 }
-
-/// Standard deviation of the level before anything was learned: the machine may have worn since it was calibrated.
-pub(super) const LEVEL_SD_START: f32 = 0.3;
 
 impl Default for HealthState {
     fn default() -> Self {
@@ -98,8 +93,8 @@ impl HealthState {
 
     /// Time until the limit of the calibration, once a trend is known.
     #[must_use]
-    pub fn remaining(&self, params: &Params) -> Option<Remaining> {
-        self.trend.remaining(self.told.level, params.health.config.limit_level)
+    pub fn remaining(&self, params: &HealthParams) -> Option<Remaining> {
+        self.trend.remaining(self.told.level, params.config.limit_level)
     }
 
     /// Slope of the level over hours of judged driving, once a trend is known.
@@ -110,8 +105,8 @@ impl HealthState {
 
     /// What the level means at the rated point of the calibration.
     #[must_use]
-    pub fn severity(&self, params: &Params) -> Severity {
-        params.health.severity(self.told.level)
+    pub fn severity(&self, params: &HealthParams) -> Severity {
+        params.severity(self.told.level)
     }
 
     /// Whether every number is finite and the covariance positive definite: a state that was saved sound is sound.
@@ -125,60 +120,5 @@ impl HealthState {
     #[inline(always)]
     pub(crate) fn told(&self) -> Health {
         self.told
-    }
-
-    /// Takes a sample that has no valid terms.
-    #[inline(never)]
-    pub(crate) fn skip(&mut self, params: &Params, time: Micros, reason: Reason) {
-        self.work(params);
-        if reason == Reason::TimeReversed {
-            self.accumulator = Accumulator::since(time);
-        } else {
-            self.accumulator.clear();
-        }
-        self.told.gate = Err(Closed::Sample(reason));
-        self.tell(params, time);
-    }
-
-    /// Takes the terms of a valid sample.
-    #[inline(always)]
-    pub(crate) fn takes(&mut self, params: &Params, time: Micros, terms: &Terms) {
-        self.work(params);
-        let block_us = params.health.config.block_us;
-        let full = self.accumulator.takes(time, terms, block_us);
-        if full && self.stage == Stage::Idle {
-            self.block = self.accumulator.block();
-            self.stage = Stage::GateDrive;
-        }
-    }
-
-    pub(super) fn hours_since(&self, time: Micros) -> f32 {
-        let Some(used) = self.used_at else { return 0.0 };
-        // At most a day: a clock that jumped is not a day of wear.
-        let units = time.0.saturating_sub(used.0).min(24 * 3_600_000_000) >> 10;
-        // In units of 1.024 ms a day fits 32 bits, which the processor converts by itself.
-        units as u32 as f32 * (1.024e-3 / 3600.0)
-    }
-
-    /// Puts into words what is known at a time.
-    #[inline(never)]
-    pub(super) fn tell(&mut self, params: &Params, time: Micros) {
-        let [level, offset, ..] = self.filter.theta();
-        let [variance, ..] = self.filter.variances();
-        // What wear may have changed since the last block that was used.
-        let drift = params.health.config.level_drift_per_h;
-        let aged = variance
-            + drift * drift * self.hours_since(time)
-            + params.health.systematic_variance(1.0 + level);
-        self.told = Health {
-            gate: self.told.gate,
-            level: Ratio(1.0 + level),
-            level_se: Ratio(square_root(aged)),
-            ratio_offset: Ratio(offset),
-            changes: self.judge.changes,
-            causes: self.judge.causes,
-            wear: self.judge.wear.stage,
-            sensor: self.judge.sensor.stage,
-        };
     }
 }

@@ -1,12 +1,12 @@
 //! A calibration of the reference machine and an independent f64 statement of the reduced model, shared by the tests.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+use kou_estimator::calibration::HealthConfig;
 use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawErrorRoot};
+use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::units::*;
 use kou_estimator::{Calibration, Reading, Sample};
 

@@ -3,12 +3,12 @@
 //! At the stated run length none can be seen in any time that can be simulated. So thresholds of shorter run lengths are
 //! tried, and machines that miss the law by more than is declared, which is what the derivation does not cover.
 
-use kou_estimator::health::HealthConfig;
+use kou_estimator::calibration::HealthConfig;
 use kou_estimator::{Calibration, Params};
 
 use crate::commands::Failure;
 use crate::evaluate::Setting;
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Run lengths tried, in hours.
 const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use kou_estimator::health::HealthConfig;
+use kou_estimator::calibration::HealthConfig;
 
 use super::alarms::{Alarms, MISFITS, threshold};
 use super::{Coverage, Detection};
 use crate::commands::Failure;
 use crate::commands::lines::{Lines, Series};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Draws measured curves beside derived ones.
 pub(super) fn draw(

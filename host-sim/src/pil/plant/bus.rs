@@ -1,6 +1,6 @@
 //! The CAN bus around the controller: what others say on it, and what the controller says.
 
-use kou_app::rig::{CanFrame, MAX_CAN};
+use kou_emulation::{CanFrame, MAX_CAN};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;

@@ -8,12 +8,11 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
-use kou_app::faults::FaultMemory;
-use kou_app::rig::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};
-use kou_app::storage::ram::Torn;
-use kou_app::storage::{
-    HealthRecord, Kind, Life, RamFlash, StopNote, Store, StoredCalibration, UpdateCounter,
-};
+use kou_app::diagnostics::FaultMemory;
+use kou_app::storage::{CrashReport, HealthRecord, Kind, Life, Store, StoredCalibration, UpdateCounter};
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::Torn;
+use kou_emulation::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};
 
 /// Its cells.
 pub type Cells = RamFlash<FLASH_LEN, FLASH_PAGE>;
@@ -66,7 +65,7 @@ pub struct Kept {
     /// Hours and starts.
     pub life: Option<Life>,
     /// The last note.
-    pub stop: Option<StopNote>,
+    pub stop: Option<CrashReport>,
 }
 
 /// The value of a future that never waits: cells in memory are always ready.

@@ -22,14 +22,14 @@ mod verdict;
 
 use std::time::Instant;
 
-use kou_app::controller::VitalsRead;
-use kou_app::rig::{Begin, FromHost, Order};
-use kou_app::storage::ResetCause;
+use kou_app::controller::TaskStatsSnapshot;
+use kou_app::diagnostics::ResetCause;
+use kou_emulation::{Begin, Order, TickReply};
 use kou_estimator::Calibration;
 use serde::Serialize;
 
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 pub use bus::{Bus, Traffic};
 pub use flash::{Flash, Kept};
@@ -55,7 +55,7 @@ pub enum LoopError {
     Input(#[from] InputError),
     /// The full model gave up.
     #[error(transparent)]
-    Simulation(#[from] crate::full::SimError),
+    Simulation(#[from] kou_lumped::SimError),
     /// The firmware.
     #[error(transparent)]
     Pil(#[from] PilError),
@@ -160,7 +160,7 @@ struct Run {
     outages: Outages,
     law: LawWatch,
     /// Of the present run of the firmware, and missed deadlines of those before.
-    last: ([VitalsRead; 5], u32),
+    last: ([TaskStatsSnapshot; 5], u32),
     missed_before: u64,
 }
 
@@ -217,7 +217,7 @@ impl Run {
             // On a bus that others fill the tool must wait as anybody must; it then falls silent.
             can.push(frame).ok();
         }
-        rig.send(&FromHost {
+        rig.send(&TickReply {
             spi: asked.spi.iter().map(|request| signals.answer(*request)).collect(),
             count: signals.count,
             pump: signals.pump,

@@ -1,9 +1,9 @@
 //! Outages of the supply: when they come, and whether what was kept is all there afterwards.
 
 use kou_app::controller::NoEstimate;
-use kou_app::faults::{Code, FaultMemory};
+use kou_app::diagnostics::{Code, FaultMemory};
 use kou_app::storage::Kind;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
@@ -203,8 +203,9 @@ fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
     // Health needs parameters only to judge samples; which ones is the same for what is told of an empty one.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
-    let mut buffer = [0; record::MAX_LEN];
-    let default = record::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
+    let mut buffer = [0; record::calibration::MAX_LEN];
+    let default =
+        record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
     let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
     let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
     if health.calibration_crc != crc {

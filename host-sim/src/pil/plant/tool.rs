@@ -2,15 +2,15 @@
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
-use kou_app::rig::CanFrame;
 use kou_app::update::wire::Answer;
 use kou_app::update::{Key, Transfer};
-use kou_estimator::calibration::record;
+use kou_emulation::CanFrame;
+use kou_estimator::record;
 use kou_estimator::{Calibration, Params};
 use serde::Serialize;
 
 use super::scenario::{Scenario, Update};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Source address of the service tool by the standard.
 const TOOL: u8 = 0xF9;
@@ -72,8 +72,9 @@ impl Tool {
             if update.other_machine {
                 candidate.machine.name = heapless::String::try_from("another machine").unwrap_or_default();
             }
-            let mut buffer = [0; record::MAX_LEN];
-            let length = record::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
+            let mut buffer = [0; record::calibration::MAX_LEN];
+            let length =
+                record::calibration::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
             let mut key = key_of(scenario);
             if update.wrong_key {
                 key.reverse();

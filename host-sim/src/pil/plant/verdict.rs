@@ -1,7 +1,7 @@
 //! What the firmware said against what was true and what was expected.
 
 use kou_app::controller::NoEstimate;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::{Estimate, Reason, Sample};
 use serde::Serialize;
 

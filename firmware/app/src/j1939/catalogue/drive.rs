@@ -1,7 +1,7 @@
 //! Received: the drive's own messages as an alternative to own sensors (J1939-71).
 
-use super::{with_spn, word};
-use crate::j1939::Pgn;
+use super::builders::{with_spn, word};
+use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 /// Motor (output) shaft speed, magnitude.

@@ -1,7 +1,7 @@
 //! Sent: estimates, their validity, learned health and the state of the controller (proprietary B).
 
-use super::{plain, state, word};
-use crate::j1939::Pgn;
+use super::builders::{plain, state, word};
+use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 /// A leakage coefficient: the largest that a calibration may allow, 100, is a fortieth of what it can hold.

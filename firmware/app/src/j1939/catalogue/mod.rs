@@ -5,73 +5,20 @@
 //! -21 (transport, request) and -81 (address claim). The controller's own groups are proprietary B (0xFF40 to 0xFF45), and
 //! proprietary A for the calibration update.
 
+mod builders;
+mod diagnostics;
 mod drive;
 mod estimates;
 mod network;
-mod troubles;
 mod update;
 
+pub use diagnostics::*;
 pub use drive::*;
 pub use estimates::*;
 pub use network::*;
-pub use troubles::*;
 pub use update::*;
 
-use super::signal::{Coding, Message, Signal};
-
-const fn plain(name: &'static str, start: u8, length: u8, comment: &'static str) -> Signal {
-    Signal {
-        name: text(name),
-        spn: None,
-        start,
-        length,
-        coding: Coding::Plain,
-        scale: 1.0,
-        offset: 0.0,
-        unit: "",
-        values: &[],
-        comment: text(comment),
-    }
-}
-
-/// Texts are for the DBC file, which the host writes: firmware does without their kilobytes.
-const fn text(text: &'static str) -> &'static str {
-    if cfg!(target_os = "none") { "" } else { text }
-}
-
-impl Message {
-    /// The message as firmware carries it: without what only the DBC file tells. On the host, whole.
-    const fn carried(self) -> Self {
-        if cfg!(target_os = "none") { Self { name: "", signals: &[], comment: "", ..self } } else { self }
-    }
-}
-
-const fn state(
-    name: &'static str,
-    start: u8,
-    length: u8,
-    values: &'static [(u32, &'static str)],
-    comment: &'static str,
-) -> Signal {
-    let values = if cfg!(target_os = "none") { &[] } else { values };
-    Signal { coding: Coding::State, values, ..plain(name, start, length, comment) }
-}
-
-/// A measured quantity of 16 bits at byte `byte`, counted from 0.
-const fn word(
-    name: &'static str,
-    byte: u8,
-    scale: f32,
-    offset: f32,
-    unit: &'static str,
-    comment: &'static str,
-) -> Signal {
-    Signal { coding: Coding::Measured, scale, offset, unit: text(unit), ..plain(name, 8 * byte, 16, comment) }
-}
-
-const fn with_spn(signal: Signal, spn: u32) -> Signal {
-    Signal { spn: Some(spn), ..signal }
-}
+use super::signal::Message;
 
 /// Every message.
 pub const ALL: &[Message] = &[
@@ -102,6 +49,7 @@ mod tests {
     use kou_estimator::{Channel, Fault};
 
     use super::*;
+    use crate::j1939::signal::Coding;
 
     #[test]
     fn signals_lie_within_their_messages_and_apart_and_have_names_of_their_own() {

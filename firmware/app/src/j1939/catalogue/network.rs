@@ -1,7 +1,7 @@
 //! Requests, acknowledgements, address claim and transport protocol (J1939-21 and -81).
 
-use super::{plain, with_spn};
-use crate::j1939::Pgn;
+use super::builders::{plain, with_spn};
+use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 /// Group asked for, of a request.

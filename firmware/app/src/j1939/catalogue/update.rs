@@ -1,7 +1,7 @@
 //! Calibration update (proprietary A). What the bytes mean is told by `docs/calibration-update.md`.
 
-use super::plain;
-use crate::j1939::Pgn;
+use super::builders::plain;
+use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
 const UPDATE_BYTES: [Signal; 7] = [

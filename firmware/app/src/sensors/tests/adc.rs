@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
 
-use crate::sensors::adc::{Adc, Counts, Input, Mcp3208, NoCounts};
+use crate::sensors::adc::{Adc, ConversionError, Counts, Input, Mcp3208};
 
 /// One transaction: bytes out, bytes in, between select and release.
 fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
@@ -14,7 +14,7 @@ fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
     ]
 }
 
-fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<Counts, NoCounts> {
+fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<Counts, ConversionError> {
     let mock = Mock::new(&exchange(out, back));
     let mut adc = Mcp3208::new(mock);
     let conversion = block_on(adc.convert(Input::new(input).unwrap()));
@@ -55,7 +55,7 @@ fn every_count_is_read_whatever_stands_before_the_null_bit() {
 
 #[test]
 fn a_chip_that_does_not_drive_the_line_is_no_value() {
-    assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(NoCounts::NoAnswer));
+    assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(ConversionError::NoAnswer));
 }
 
 #[test]
@@ -79,5 +79,5 @@ fn a_bus_that_fails_is_no_value() {
         }
     }
     let conversion = block_on(Mcp3208::new(Broken).convert(Input::new(0).unwrap()));
-    assert_eq!(conversion, Err(NoCounts::Bus));
+    assert_eq!(conversion, Err(ConversionError::Bus));
 }

@@ -13,18 +13,18 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Begin, Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper, Sampler, SensorsMemory, run_estimate,
-    run_publish, run_sample, run_store, run_supervise,
+    AdcSampler, Begin, Bus, Controller, Estimator, SensorsMemory, StorageTask, WriteScheduleConfig,
+    WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage, run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
-use kou_app::rig::{FLASH_LEN, MAX_LEN, ToHost};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
 use kou_app::storage::Store;
 use kou_app::update::{Service, Session};
+use kou_emulation::{FLASH_LEN, MAX_LEN, TickReport};
 use kou_estimator::units::Micros;
+use kou_qemu_mps2_an386::emulated::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
 use kou_qemu_mps2_an386::exit::Exit;
-use kou_qemu_mps2_an386::rig::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -39,9 +39,9 @@ const ADDRESS: u8 = 0x8C;
 const OUTPUT_TURNS: u32 = 10;
 const VITALS_TURNS: u32 = 1000;
 
-type FrontEnd = Sampler<Mcp3208<Spi>, Timer<fn(&mut ToHost)>>;
+type FrontEnd = AdcSampler<Mcp3208<Spi>, Timer<fn(&mut TickReport)>>;
 
-type Records = Keeper<'static, Flash, HostKey>;
+type Records = StorageTask<'static, Flash, HostKey>;
 
 static STORE: StaticCell<Store<Flash>> = StaticCell::new();
 static SESSION: ConstStaticCell<Session> = ConstStaticCell::new(Session::new());
@@ -75,7 +75,7 @@ async fn publish(start: Instant) {
 
 #[embassy_executor::task]
 async fn store(start: Instant, records: &'static mut Records) {
-    run_store(&CONTROLLER, start, records).await
+    run_storage(&CONTROLLER, start, records).await
 }
 
 #[embassy_executor::task]
@@ -84,7 +84,7 @@ async fn supervise(start: Instant) {
 }
 
 /// What the host is told beside what the hardware needs.
-fn tell(message: &mut ToHost) {
+fn tell(message: &mut TickReport) {
     message.writing = CONTROLLER.writing().map(|kind| kind as u8);
     message.fed = FED.load(Ordering::Relaxed);
     if message.tick % OUTPUT_TURNS == 1 {
@@ -108,12 +108,13 @@ fn records(mut line: Line) -> Option<&'static mut Records> {
     let first = line.begin(FIRST.try_take()?)?;
     line.share();
     let default = (!first.default.is_empty()).then_some(first.default);
-    let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
+    let rates =
+        WriteScheduleConfig { health_s: first.keep_s, life_s: first.keep_s, ..WriteScheduleConfig::VEHICLE };
     let store = Store::new(Flash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
-    let rates = KeepParams::new(&rates).ok()?;
+    let rates = WriteScheduleParams::new(&rates).ok()?;
     let begin = Begin { cause: first.cause, note: first.note };
     let service = Service::new(STORE.try_init(store)?, SESSION.try_take()?, HostKey(first.key), default);
-    RECORDS.try_init_with(|| Keeper::new(service, rates, begin))
+    RECORDS.try_init_with(|| StorageTask::new(service, rates, begin))
 }
 
 fn start(line: Line) -> Result<(), SpawnError> {
@@ -121,7 +122,7 @@ fn start(line: Line) -> Result<(), SpawnError> {
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
     let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
-    let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut ToHost)));
+    let front_end = AdcSampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut TickReport)));
     let [highest, high, low, lowest] = priority::start();
     let start = Instant::now();
     highest.spawn(sample(start, SENSORS.init(params), front_end, SENSORS_MEMORY.take())?);

@@ -6,11 +6,13 @@
 
 use cortex_m_rt::entry;
 use embassy_futures::block_on;
-use kou_app::faults::{Code, FaultMemory, Snapshot};
-use kou_app::rig;
-use kou_app::storage::ram::Torn;
-use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, RamFlash, ResetCause, Store, StoreError};
-use kou_estimator::calibration::record::crc32;
+use kou_app::diagnostics::ResetCause;
+use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, Store, StoreError};
+use kou_emulation::RamFlash;
+use kou_emulation::examples;
+use kou_emulation::ram_flash::Torn;
+use kou_estimator::record::crc32;
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;
@@ -72,8 +74,8 @@ fn main() -> ! {
     let base = base.into_flash();
     let lives = cut_everywhere(&base, |store| block_on(store.write(&life(2))));
     let memories = cut_everywhere(&base, |store| block_on(store.write(&faults(2))));
-    let frames = crc32(rig::example_frames().as_flattened());
-    let tag = rig::example_tag().map_or(0, |tag| crc32(&tag));
+    let frames = crc32(examples::example_frames().as_flattened());
+    let tag = examples::example_tag().map_or(0, |tag| crc32(&tag));
     eprintln!("cuts {} frames {:08x} tag {:08x}", lives + memories, frames, tag);
     Exit::Shutdown.now()
 }

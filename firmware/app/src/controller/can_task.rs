@@ -1,0 +1,277 @@
+//! The CAN bus as one to be told: what comes is taken in, what is due goes out, troubles are remembered.
+//!
+//! Each turn takes a bounded number of frames, so a bus that babbles costs a bounded time; what a driver's queue does not
+//! hold is lost there. Frames that carry a step of a calibration update
+//! go to the task `store`, whose answers leave with the next turn.
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use kou_estimator::reading::Channel;
+use kou_estimator::units::{Celsius, Micros};
+use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
+
+use super::publish::Publish;
+use super::shared::{Controller, NoEstimate};
+use crate::diagnostics::{Code, Snapshot};
+use crate::j1939::{DriveReadings, Frame, Node, Outputs, Received};
+use crate::log::info;
+
+/// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
+const MAX_IN: usize = 32;
+/// Frames sent in one turn.
+const MAX_OUT: usize = 8;
+/// Silence of the whole bus after which it is a trouble.
+const SILENT: Micros = Micros(5_000_000);
+
+/// A CAN driver with queues.
+pub trait CanPort {
+    /// The next frame that has come.
+    fn receive(&mut self) -> Option<Frame>;
+
+    /// Puts a frame into the queue of those to be sent; false when there is no room.
+    fn send(&mut self, frame: &Frame) -> bool;
+}
+
+/// The controller on its bus.
+pub struct Bus<'c, P, M: RawMutex> {
+    port: P,
+    node: Node,
+    controller: &'c Controller<M>,
+    failed: [Option<Fault>; Channel::ALL.len()],
+    started: Option<Micros>,
+    dropped: u32,
+    drive: Option<DriveReadings>,
+}
+
+impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
+    /// A controller that will claim its address on this bus.
+    pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
+        Self {
+            port,
+            node,
+            controller,
+            failed: [None; Channel::ALL.len()],
+            started: None,
+            dropped: 0,
+            drive: None,
+        }
+    }
+
+    /// The same, with the oil temperature that the controller at `source` sends (SPN 177) as a check of the own thermometer.
+    /// Nobody else is listened to: a reading that anybody may send would be a way to silence the estimates.
+    #[must_use]
+    pub fn with_external_oil_temperature(self, source: u8) -> Self {
+        Self { drive: Some(DriveReadings::new(Some(source))), ..self }
+    }
+
+    /// Frames that the driver had no room for.
+    #[must_use]
+    pub const fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
+        let seconds = self.controller.operating_s(now);
+        let snapshot = sample.map_or(Snapshot::at(seconds), |sample| Snapshot::of(seconds, sample));
+        let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
+        let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
+        let is_lost = self.node.is_silenced();
+        let failed = &mut self.failed;
+        let mut came = [None; Channel::ALL.len()];
+        self.controller.faults(|faults| {
+            for ((channel, before), came) in Channel::ALL.into_iter().zip(failed).zip(&mut came) {
+                let Some(sample) = sample else { break };
+                let fault = fault_of(sample, channel);
+                if fault == *before {
+                    continue;
+                }
+                if let Some(fault) = *before {
+                    faults.healed(Code::Sensor(channel, fault));
+                }
+                if let Some(fault) = fault {
+                    faults.confirmed(Code::Sensor(channel, fault), snapshot);
+                    *came = Some(Code::Sensor(channel, fault));
+                }
+                *before = fault;
+            }
+            if let Some(estimate) = estimate {
+                faults.follows(Code::Wear, estimate.health.wear, snapshot);
+                faults.follows(Code::SensorSuspect, estimate.health.sensor, snapshot);
+            }
+            for (code, is_there) in [(Code::BusSilent, is_silent), (Code::AddressLost, is_lost)] {
+                if is_there {
+                    faults.confirmed(code, snapshot);
+                } else {
+                    faults.healed(code);
+                }
+            }
+        });
+        // Not while others are locked out: writing a log takes long.
+        for code in came.into_iter().flatten() {
+            info!("trouble {}", code);
+        }
+    }
+
+    fn send(&mut self, frame: &Frame) {
+        if !self.port.send(frame) {
+            self.dropped = self.dropped.saturating_add(1);
+        }
+    }
+}
+
+/// What is wrong with a channel; a sensor that is not fitted is no trouble.
+fn fault_of(sample: &Sample, channel: Channel) -> Option<Fault> {
+    let fault = match channel {
+        Channel::PumpSpeed => sample.pump_speed.value.err(),
+        Channel::MotorSpeed => sample.motor_speed.value.err(),
+        Channel::HighPressure => sample.high_pressure.value.err(),
+        Channel::LowPressure => sample.low_pressure.value.err(),
+        Channel::OilTemperature => sample.oil_temperature.value.err(),
+        Channel::Displacement => sample.displacement.value.err(),
+        Channel::Flow => sample.flow.value.err(),
+    };
+    fault.filter(|fault| *fault != Fault::NotFitted)
+}
+
+impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
+    async fn publish(
+        &mut self,
+        now: Micros,
+        estimate: &Result<Estimate, NoEstimate>,
+        sample: Option<&Sample>,
+    ) {
+        for _ in 0..MAX_IN {
+            let Some(frame) = self.port.receive() else { break };
+            if let Received::Update { source, data } = self.node.receive(now, &frame) {
+                // A tool that does not wait for its answers loses commands, and is answered that a segment is missing.
+                self.controller.commands.try_send((source, data)).ok();
+            }
+            if let Some(drive) = &mut self.drive {
+                drive.receive(now, &frame);
+            }
+        }
+        self.remember(now, estimate.as_ref().ok(), sample);
+        while let Ok((tool, answer)) = self.controller.answers.try_receive() {
+            if let Some(frame) = self.node.update_answer(tool, answer) {
+                self.send(&frame);
+            }
+        }
+        // Without any estimate there is none that is valid: told as of readings that have not come.
+        let missing = Estimate::invalid(now, Reason::Sensor(Channel::PumpSpeed, Fault::Missing));
+        let outputs = Outputs {
+            estimate: estimate.as_ref().unwrap_or(&missing),
+            health: estimate.as_ref().ok().map(|estimate| &estimate.health),
+            calibration: self.controller.calibration().unwrap_or_default(),
+            troubles: self.controller.faults(|faults| faults.troubles()),
+        };
+        for _ in 0..MAX_OUT {
+            let Some(frame) = self.node.poll(now, &outputs) else { break };
+            self.send(&frame);
+        }
+    }
+
+    fn external_oil_temperature(&self, now: Micros) -> Reading<Celsius> {
+        self.drive.as_ref().map_or(Reading::not_fitted(), |drive| drive.oil_temperature(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec;
+    use std::vec::Vec;
+
+    use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+
+    use super::*;
+    use crate::j1939::{Id, Name, NameConfig};
+
+    /// A bus in memory: what comes, what was sent, and how many more frames there is room for.
+    struct Line {
+        come: Vec<Frame>,
+        sent: Vec<Frame>,
+        room: usize,
+    }
+
+    impl CanPort for Line {
+        fn receive(&mut self) -> Option<Frame> {
+            self.come.pop()
+        }
+
+        fn send(&mut self, frame: &Frame) -> bool {
+            if self.sent.len() >= self.room {
+                return false;
+            }
+            self.sent.push(*frame);
+            true
+        }
+    }
+
+    type Shared = Controller<NoopRawMutex>;
+
+    fn bus(controller: &Shared, room: usize) -> Bus<'_, Line, NoopRawMutex> {
+        let name = Name::new(&NameConfig::transmission(1)).unwrap();
+        Bus::new(Line { come: Vec::new(), sent: Vec::new(), room }, Node::new(name, 0x8C), controller)
+    }
+
+    fn turn(bus: &mut Bus<'_, Line, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
+        let none = Err(NoEstimate::NoCalibration);
+        embassy_futures::block_on(bus.publish(Micros(ms * 1000), &none, sample));
+    }
+
+    #[test]
+    fn on_the_bus_it_claims_its_address_and_then_tells_also_that_it_has_nothing_to_tell() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        for ms in (0..3_000).step_by(10) {
+            turn(&mut bus, ms, None);
+        }
+        let sent = &bus.port.sent;
+        assert_eq!(sent.first().map(|frame| frame.id().pgn().get()), Some(60928), "address claimed");
+        assert!(sent.len() > 30 && sent.iter().all(|frame| frame.id().source() == 0x8C), "{}", sent.len());
+    }
+
+    #[test]
+    fn a_failed_sensor_is_an_active_trouble_until_it_heals_and_then_a_previous_one() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        let mut sample = Sample::empty(Micros(0));
+        sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
+        turn(&mut bus, 0, Some(&sample));
+        let code = Code::Sensor(Channel::PumpSpeed, Fault::Open);
+        assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
+        sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
+        turn(&mut bus, 10, Some(&sample));
+        assert!(controller.faults(|memory| memory.active().all(|entry| entry.code() != Some(code))));
+        assert!(controller.faults(|memory| memory.previous().any(|entry| entry.code() == Some(code))));
+    }
+
+    #[test]
+    fn a_silent_bus_is_a_trouble_after_five_seconds_and_one_frame_heals_it() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, usize::MAX);
+        let is_active =
+            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(Code::BusSilent)));
+        for ms in (0..=5_000).step_by(10) {
+            turn(&mut bus, ms, None);
+            assert!(!is_active(), "{ms}");
+        }
+        turn(&mut bus, 5_010, None);
+        assert!(is_active());
+        bus.port.come.push(Frame::new(Id::from_raw(0x0CF0_0203), [0xFF; 8]));
+        turn(&mut bus, 5_020, None);
+        assert!(!is_active());
+    }
+
+    #[test]
+    fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn() {
+        let controller = Shared::new();
+        let mut bus = bus(&controller, 1);
+        bus.port.come = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];
+        for ms in (0..1_000).step_by(10) {
+            let before = bus.port.come.len();
+            turn(&mut bus, ms, None);
+            assert!(before - bus.port.come.len() <= 32);
+        }
+        assert_eq!(bus.port.sent.len(), 1);
+        assert!(bus.dropped() > 0);
+    }
+}

@@ -1,0 +1,299 @@
+//! Task `store`: opens what is kept in flash, hands calibration and learned health to the estimator, takes calibration
+//! updates, and writes what must outlast a power cut.
+//!
+//! ```text
+//! start: records put right --> calibration: stored, else default, else none (and that is said) --> estimate
+//!        --> learned health, when it was learned with this very calibration --> estimate
+//!        --> fault memory, hours, why the last run ended
+//! then:  update commands as they come; once a second a look at what is due, one record at most
+//! ```
+//!
+//! A write is awaited to its end, whatever else is due. The task is of the lowest priority, so a flash that works beside the
+//! processor delays nobody; one that stops the processor shows as missed deadlines, which become a trouble of their own.
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::{Duration, Instant, Timer, with_deadline};
+use embedded_storage_async::nor_flash::NorFlash;
+use kou_estimator::units::{Megapascal, Micros};
+
+use super::handover::Slot;
+use super::periodic::{Pace, now};
+use super::periods::STORE_PERIOD;
+use super::shared::Controller;
+use super::write_schedule::{Due, Schedule, WriteScheduleParams};
+use crate::calibration::CalibrationState;
+use crate::diagnostics::crash_log;
+use crate::diagnostics::{Code, FaultMemory, Note, ResetCause};
+use crate::log::{info, warning};
+use crate::outlined_await::await_outlined;
+use crate::storage::{CrashReport, HealthRecord, Kind, Life, Record, StoreError};
+use crate::update::{Handled, KeySource, Service, is_loaded};
+
+/// Pressure difference from which a drive without a calibration counts as loaded.
+const UNCALIBRATED_LEAST: Megapascal = Megapascal(2.0);
+/// How often it is looked whether the estimator has taken what it was given.
+const GLANCE: Duration = Duration::from_millis(2);
+
+/// Why this run began.
+#[derive(Debug, Clone)]
+pub struct Begin {
+    /// As the hardware tells.
+    pub cause: ResetCause,
+    /// What the run before left.
+    pub note: Option<Note>,
+}
+
+/// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
+pub struct StorageTask<'d, F: NorFlash, K> {
+    service: Service<'d, F, K>,
+    schedule: Schedule,
+    cause: ResetCause,
+    /// What the run before left.
+    stop: Option<CrashReport>,
+    /// Hours and starts as they were at the start of this run.
+    life: Life,
+    least_difference: Megapascal,
+    /// Level, its error and changes of learned health when it was last written.
+    written: Option<(u32, u32, u16)>,
+    faults_changed: bool,
+    missed: u32,
+}
+
+impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
+    /// Puts together what the task needs.
+    pub fn new(service: Service<'d, F, K>, rates: WriteScheduleParams, begin: Begin) -> Self {
+        Self {
+            service,
+            schedule: Schedule::new(rates),
+            cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
+            stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
+            life: Life::new(),
+            least_difference: UNCALIBRATED_LEAST,
+            written: None,
+            faults_changed: false,
+            missed: 0,
+        }
+    }
+
+    /// Store and session, for whoever looks at what was kept when the task is over.
+    pub fn service(&mut self) -> &mut Service<'d, F, K> {
+        &mut self.service
+    }
+
+    async fn open<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let crc = await_outlined!(self.load(controller));
+        // Learned health is for the calibration in use: that one first.
+        while let Some(crc) = crc {
+            let mut slot = controller.exchange.lock().await;
+            if matches!(*slot, Slot::Empty) {
+                let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
+                await_outlined!(self.service.store().read_to(to)).ok();
+                break;
+            }
+            drop(slot);
+            Timer::after(GLANCE).await;
+        }
+        let to = |faults: &mut FaultMemory| controller.faults(|memory| memory.restore(faults));
+        await_outlined!(self.service.store().read_to(to)).ok();
+        if let Ok(Some(life)) = self.service.store().read().await {
+            self.life = life;
+        }
+        self.begin(controller).await;
+    }
+
+    /// Finds the calibration to use and hands it over; its CRC.
+    async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
+        let mut slot = controller.exchange.lock().await;
+        let opened = await_outlined!(self.service.open(&mut *slot));
+        if let Some(code) = opened.trouble {
+            controller.confirmed(code);
+        }
+        if opened.adopted.is_none() {
+            warning!("no calibration: nothing is estimated until one comes over the bus");
+            controller.set_calibration(CalibrationState::NONE);
+        }
+        self.hand_over(&mut slot, opened.adopted)
+    }
+
+    async fn begin<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        controller.set_operated_before(self.life.operating_s);
+        if let Some(code) = self.cause.trouble() {
+            controller.happened(code);
+        }
+        self.life.started(self.cause);
+        info!(
+            "start {=u32} after {=u32} s of operation, by {}",
+            self.life.starts, self.life.operating_s, self.cause
+        );
+        let life = self.life;
+        keep(&mut self.service, controller, &life).await;
+        if let Some(stop) = &mut self.stop {
+            stop.operating_s = life.operating_s;
+            keep(&mut self.service, controller, stop).await;
+        }
+    }
+
+    /// Takes a tool's command and leaves the answer for the bus.
+    async fn take<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
+        let loaded = controller.sample().is_none_or(|sample| is_loaded(&sample, self.least_difference));
+        // An update takes the place of what has been learned and is to be written yet.
+        await_outlined!(self.keep_told(controller));
+        let mut slot = controller.exchange.lock().await;
+        controller.set_writing(Some(Kind::Calibration));
+        let handled = await_outlined!(self.service.receive(now(), tool, command, loaded, &mut *slot));
+        controller.set_writing(None);
+        if self.hand_over(&mut slot, handled.adopted).is_some() {
+            self.written = None;
+        }
+        answer(controller, &handled);
+    }
+
+    /// Hands the parameters that were made over to the estimator; the calibration's CRC.
+    fn hand_over(&mut self, slot: &mut Slot, adopted: Option<CalibrationState>) -> Option<u32> {
+        let calibration = adopted?;
+        self.least_difference = slot.params()?.limits().min_pressure_difference;
+        slot.hand_over(calibration);
+        Some(calibration.crc)
+    }
+
+    /// Writes what has been learned, where `estimate` has told it; false where not.
+    async fn keep_told<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
+        let mut slot = controller.exchange.lock().await;
+        let Slot::Asked { record, is_told: true } = &*slot else { return false };
+        keep(&mut self.service, controller, record).await;
+        *slot = Slot::Empty;
+        true
+    }
+
+    /// What is due once a second.
+    async fn turn<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        answer(controller, &self.service.poll(now()));
+        self.look_for_overruns(controller);
+        // Asked for a second ago.
+        if await_outlined!(self.keep_told(controller)) {
+            return;
+        }
+        // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
+        if !matches!(*controller.exchange.lock().await, Slot::Empty) {
+            return;
+        }
+        self.faults_changed |= controller.faults(|memory| memory.take_changed());
+        let health = learned_now(controller);
+        let health_changed = health.is_some() && health != self.written;
+        match self.schedule.due(now(), self.faults_changed, health_changed) {
+            Due::Nothing => {}
+            Due::Faults => {
+                self.faults_changed = false;
+                await_outlined!(self.keep_faults(controller));
+            }
+            Due::Health => {
+                self.written = health;
+                controller.exchange.lock().await.ask();
+            }
+            Due::Life => {
+                let life = self.life_at(now());
+                keep(&mut self.service, controller, &life).await;
+            }
+        }
+    }
+
+    async fn keep_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let mut slot = controller.exchange.lock().await;
+        // A copy, because others are locked out while it is looked at.
+        copy_faults(controller, &mut slot);
+        if let Slot::Faults(faults) = &*slot {
+            keep(&mut self.service, controller, faults).await;
+        }
+        *slot = Slot::Empty;
+    }
+
+    fn life_at(&self, now: Micros) -> Life {
+        let mut life = self.life;
+        life.ran(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
+        life
+    }
+
+    fn look_for_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let missed =
+            controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
+        if missed > self.missed {
+            warning!("{=u32} deadlines missed", missed);
+            controller.happened(Code::Overrun);
+        }
+        self.missed = missed;
+    }
+}
+
+/// Writes a record, and says that it does.
+async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
+    service: &mut Service<'_, F, K>,
+    controller: &Controller<M>,
+    record: &R,
+) {
+    controller.set_writing(Some(R::KIND));
+    let result = await_outlined!(service.keep(record));
+    controller.set_writing(None);
+    told(controller, result);
+}
+
+// Not inlined: the copy would lie in the task's memory for good.
+#[inline(never)]
+fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Slot) {
+    controller.faults(|memory| *slot = Slot::Faults(memory.clone()));
+}
+
+/// Level, its error and changes, to see whether they have changed.
+fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16)> {
+    let health = controller.output(now()).ok()?.health;
+    Some((health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes))
+}
+
+fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
+    match result {
+        Ok(()) => controller.healed(Code::StorageFailed),
+        Err(error) => {
+            warning!("the flash refuses: {}", error);
+            controller.confirmed(Code::StorageFailed);
+        }
+    }
+}
+
+/// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
+fn restore(slot: &mut Slot, crc: u32, record: &HealthRecord) {
+    match record.for_calibration(crc) {
+        Some(state) if state.is_sound() => slot.learned(state),
+        _ => warning!("learned health is of another calibration: it is learned anew"),
+    }
+}
+
+fn answer<M: RawMutex>(controller: &Controller<M>, handled: &Handled) {
+    if let Some(code) = handled.trouble {
+        controller.happened(code);
+    }
+    if let Some((tool, answer)) = handled.answer {
+        // A tool that asks faster than the bus takes answers loses them, and asks again.
+        controller.answers.try_send((tool, answer.to_bytes())).ok();
+    }
+}
+
+/// Keeps for ever.
+pub async fn run_storage<M: RawMutex, F: NorFlash, K: KeySource>(
+    controller: &Controller<M>,
+    start: Instant,
+    keeper: &mut StorageTask<'_, F, K>,
+) -> ! {
+    keeper.open(controller).await;
+    let mut pace = Pace::new(start, STORE_PERIOD, &controller.vitals.store);
+    loop {
+        let due = pace.end();
+        // Commands in between; not without end, or a tool that floods would keep the task from its turns.
+        while Instant::now() < due {
+            match with_deadline(due, controller.commands.receive()).await {
+                Ok((tool, command)) => keeper.take(controller, tool, command).await,
+                Err(_) => break,
+            }
+        }
+        pace.begin();
+        keeper.turn(controller).await;
+    }
+}

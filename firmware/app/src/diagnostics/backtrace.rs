@@ -1,0 +1,94 @@
+//! Who called whom, from what lies on the stack: the addresses behind call instructions, newest first.
+//!
+//! For boards that have no flash to spare for the texts and places of panics, which take 8 KB, most of it the paths of source files.
+//! These addresses take nothing and name the callers as well; `addr2line` turns them into files and lines with the ELF that was
+//! flashed (`docs/firmware.md`). What functions left on the stack that have returned since may be among them.
+
+use core::ops::Range;
+
+use super::crash_log::Text;
+
+/// Addresses that are told: what a [note](crate::diagnostics::crash_log) has room for.
+const MOST: usize = 12;
+
+/// The program as the processor sees it, in Thumb code.
+pub trait Program {
+    /// Addresses of its code.
+    fn code(&self) -> Range<u32>;
+
+    /// The halfword at an even address within [`code`](Self::code).
+    fn halfword(&self, at: u32) -> u16;
+}
+
+/// Return addresses among the words of a stack, which begin with the newest.
+pub fn callers(program: &impl Program, stack: impl Iterator<Item = u32>) -> impl Iterator<Item = u32> {
+    stack.filter(|word| is_behind_call(program, *word)).take(MOST)
+}
+
+/// Whether a word is an address of Thumb code, and the instruction before it a call: `bl` of two halfwords, or `blx` of a
+/// register.
+fn is_behind_call(program: &impl Program, word: u32) -> bool {
+    let at = word & !1;
+    let (first, second) = (at.wrapping_sub(4), at.wrapping_sub(2));
+    let code = program.code();
+    // Odd: only then it is Thumb code, and the processor runs no other.
+    if word & 1 == 0 || !code.contains(&first) || !code.contains(&second) {
+        return false;
+    }
+    let (first, second) = (program.halfword(first), program.halfword(second));
+    (first & 0xf800 == 0xf000 && second & 0xd000 == 0xd000) || second & 0xff87 == 0x4780
+}
+
+/// Tells addresses in a note.
+pub fn tell(text: &mut Text<'_>, addresses: impl Iterator<Item = u32>) {
+    text.push("called from");
+    for address in addresses {
+        text.push(" ").push_hex(address);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::crash_log::{self, Kind};
+    use super::*;
+
+    /// `bl` at 0x100, `nop`s, `blx r3` at 0x10a, `b.w` at 0x10c.
+    struct Code;
+
+    const HALFWORDS: [u16; 8] = [0xf000, 0xf87d, 0xbf00, 0xbf00, 0xbf00, 0x4798, 0xf000, 0xb87d];
+
+    impl Program for Code {
+        fn code(&self) -> Range<u32> {
+            0x100..0x110
+        }
+
+        fn halfword(&self, at: u32) -> u16 {
+            HALFWORDS[(at as usize - 0x100) / 2]
+        }
+    }
+
+    #[test]
+    fn return_addresses_are_told_from_what_else_lies_on_a_stack() {
+        // Behind `bl`, even, behind `nop`, behind `blx`, behind `b.w`, at the code's beginning, beyond its end, data.
+        let stack = [0x105, 0x104, 0x107, 0x10d, 0x111, 0x101, 0x103, 0x115, 0, 1, 3, 5, u32::MAX, 0x105];
+        let found: std::vec::Vec<u32> = callers(&Code, stack.into_iter()).collect();
+        assert_eq!(found, [0x105, 0x10d, 0x105]);
+        let mut memory = [0; crash_log::LEN];
+        crash_log::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, stack.into_iter())));
+        assert_eq!(crash_log::take(&mut memory).unwrap().text, "called from 00000105 0000010d 00000105");
+    }
+
+    #[test]
+    fn prop_no_word_reads_outside_of_the_code() {
+        // `halfword` of this program panics outside.
+        for word in (0..0x300).chain(u32::MAX - 8..=u32::MAX) {
+            let _ = is_behind_call(&Code, word);
+        }
+        let endless = core::iter::repeat(0x105);
+        let mut memory = [0; crash_log::LEN];
+        crash_log::write(&mut memory, Kind::Panic, |text| tell(text, callers(&Code, endless)));
+        let text = crash_log::take(&mut memory).unwrap().text;
+        assert_eq!(text.split(' ').count(), 2 + MOST, "a note has room for so many");
+        assert!(text.ends_with(" 00000105"), "{text}");
+    }
+}

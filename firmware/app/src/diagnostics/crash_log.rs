@@ -1,0 +1,231 @@
+//! A note to oneself across a reset, in memory that the start-up code leaves alone: why it came to it.
+//!
+//! The board sets [`LEN`] bytes aside in a section without initialisation. Before a reset that the firmware causes, or
+//! expects, [`write()`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
+//! note is believed only with its mark and its CRC-32. While nothing is noted, the memory holds a mark that the firmware runs: where
+//! that is still there after a reset, the memory was never without supply.
+
+use core::fmt;
+
+use kou_estimator::record::crc32;
+use serde::{Deserialize, Serialize};
+
+use super::reset_cause::ResetCause;
+
+/// Bytes to set aside.
+pub const LEN: usize = 160;
+
+const MARK: [u8; 4] = *b"KOUN";
+/// What the memory begins with while the firmware runs; all that follows is zero.
+const RUNS: [u8; 4] = *b"KOUA";
+/// Offset of the text: mark, CRC, kind, length of the text.
+const HEAD: usize = 10;
+
+/// What happened.
+///
+/// On flash by position: append only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Kind {
+    /// The firmware panicked; the text is its message.
+    Panic,
+    /// A hard fault; the text tells where.
+    HardFault,
+    /// A task was overdue; the text is its name.
+    Overdue,
+    /// A reset that was asked for.
+    Asked,
+}
+
+impl Kind {
+    const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Asked];
+}
+
+/// A note that was left.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Note {
+    /// What happened.
+    pub kind: Kind,
+    /// In words, cut where there was no room.
+    pub text: heapless::String<{ LEN - HEAD }>,
+}
+
+/// Why the controller started: what the note says where there is one, since the hardware sees a panic as a reset that was
+/// asked for; else what the hardware says.
+#[must_use]
+pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
+    match note.map(|note| note.kind) {
+        Some(Kind::Panic | Kind::HardFault) => ResetCause::Panic,
+        Some(Kind::Overdue) => ResetCause::Watchdog,
+        Some(Kind::Asked) => ResetCause::Software,
+        None => hardware,
+    }
+}
+
+/// Leaves a note; `tell` gives the text.
+// Not inlined: the proof of the stacks knows it by its name, since what comes after a note is a reset.
+#[inline(never)]
+pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>)) {
+    memory.fill(0);
+    let (head, body) = memory.split_at_mut(HEAD);
+    let mut text = Text { body, used: 0 };
+    tell(&mut text);
+    let used = u8::try_from(text.used).unwrap_or(0);
+    let kind = Kind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
+    if let [.., kind_byte, length] = head {
+        (*kind_byte, *length) = (kind.unwrap_or(0), used);
+    }
+    let (head, rest) = memory.split_at_mut(8);
+    let crc = crc32(rest).to_le_bytes();
+    for (byte, value) in head.iter_mut().zip(MARK.into_iter().chain(crc)) {
+        *byte = value;
+    }
+}
+
+/// Reads the note, if there is one, and wipes it: from here on the firmware runs.
+pub fn take(memory: &mut [u8; LEN]) -> Option<Note> {
+    let note = read(memory);
+    memory.fill(0);
+    for (byte, mark) in memory.iter_mut().zip(RUNS) {
+        *byte = mark;
+    }
+    note
+}
+
+/// Whether the memory still holds what the run before left; to be asked before [`take`].
+#[must_use]
+pub fn has_survived(memory: &[u8; LEN]) -> bool {
+    let runs = memory.split_first_chunk::<4>();
+    runs.is_some_and(|(mark, rest)| *mark == RUNS && rest.iter().all(|byte| *byte == 0))
+        || read(memory).is_some()
+}
+
+/// What a reset by a low supply was. The hardware says the same of a supply that came and of one that fell for a moment; but
+/// memory without supply forgets, within a second or so.
+#[must_use]
+pub const fn supply_reset(has_survived: bool) -> ResetCause {
+    if has_survived { ResetCause::BrownOut } else { ResetCause::PowerOn }
+}
+
+fn read(memory: &[u8; LEN]) -> Option<Note> {
+    let (mark, rest) = memory.split_first_chunk::<4>()?;
+    let (crc, rest) = rest.split_first_chunk::<4>()?;
+    if *mark != MARK || u32::from_le_bytes(*crc) != crc32(rest) {
+        return None;
+    }
+    let (&[kind, length], body) = rest.split_first_chunk::<2>()?;
+    let text = core::str::from_utf8(body.get(..usize::from(length))?).ok()?;
+    Some(Note { kind: *Kind::ALL.get(usize::from(kind))?, text: heapless::String::try_from(text).ok()? })
+}
+
+/// The text of a note; what has no room is cut at a whole character. It can be formatted into ([`fmt::Write`]), but a board with
+/// little flash had better not: formatting takes kilobytes.
+#[derive(Debug)]
+pub struct Text<'a> {
+    body: &'a mut [u8],
+    used: usize,
+}
+
+impl Text<'_> {
+    /// Adds a text.
+    pub fn push(&mut self, text: &str) -> &mut Self {
+        for character in text.chars() {
+            let mut bytes = [0; 4];
+            let bytes = character.encode_utf8(&mut bytes).as_bytes();
+            let end = self.used.saturating_add(bytes.len());
+            let Some(room) = self.body.get_mut(self.used..end) else {
+                // Nothing behind the cut, or it would seem to follow what is before it.
+                self.body = &mut [];
+                break;
+            };
+            room.copy_from_slice(bytes);
+            self.used = end;
+        }
+        self
+    }
+
+    /// Adds eight hexadecimal digits.
+    pub fn push_hex(&mut self, number: u32) -> &mut Self {
+        for place in (0..8).rev() {
+            let digit = (number >> (4 * place)) & 0xF;
+            let digit = char::from_digit(digit, 16).unwrap_or('?');
+            self.push(digit.encode_utf8(&mut [0; 4]));
+        }
+        self
+    }
+}
+
+impl fmt::Write for Text<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.push(text);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::prelude::v1::*;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_note_survives_as_it_was_left_and_is_read_once() {
+        let mut memory = [0xA5; LEN];
+        for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
+            write(&mut memory, kind, |text| {
+                text.push("index out of bounds at src/x.rs:12");
+            });
+            let note = take(&mut memory).unwrap();
+            assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
+            assert_eq!(take(&mut memory), None);
+        }
+        // Too long: cut, and not within a character.
+        let long = ["y", &"ü".repeat(200)].concat();
+        write(&mut memory, Kind::Panic, |text| {
+            text.push(&long).push("x");
+        });
+        let note = take(&mut memory).unwrap();
+        assert!(note.text.len() >= LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
+    }
+
+    #[test]
+    fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+        let mut memory = [0xA5; LEN];
+        assert_eq!(supply_reset(has_survived(&memory)), ResetCause::PowerOn);
+        assert_eq!(take(&mut memory), None);
+        // It runs, and is reset without a note.
+        assert_eq!(supply_reset(has_survived(&memory)), ResetCause::BrownOut);
+        for bit in 0..LEN * 8 {
+            let mut forgetting = memory;
+            forgetting[bit / 8] ^= 1 << (bit % 8);
+            assert!(!has_survived(&forgetting), "bit {bit}");
+        }
+        write(&mut memory, Kind::Panic, |_| ());
+        assert!(has_survived(&memory), "a note has survived as well");
+    }
+
+    #[test]
+    fn every_single_wrong_bit_of_a_note_is_noticed() {
+        let mut memory = [0; LEN];
+        write(&mut memory, Kind::Overdue, |text| {
+            text.push("estimate");
+        });
+        for bit in 0..LEN * 8 {
+            let mut damaged = memory;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(take(&mut damaged), None, "bit {bit}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), LEN)) {
+            let mut memory = [0; LEN];
+            memory.copy_from_slice(&bytes);
+            prop_assert!(!has_survived(&memory));
+            prop_assert_eq!(take(&mut memory), None);
+        }
+    }
+}

@@ -1,0 +1,390 @@
+//! The memory of troubles: which are active, which were, how often, and what was measured when they first and last
+//! occurred.
+//!
+//! It holds [`CAPACITY`] troubles. When it is full, a new one takes the place of the least important: first refused
+//! updates, so that nobody on the bus can push out what happened to the machine, then those no longer active, the
+//! longest ago first. Active ones are never pushed out; what finds no place is counted.
+
+use heapless::Vec;
+use kou_estimator::Sample;
+use kou_estimator::health::Stage;
+use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
+use serde::{Deserialize, Serialize};
+
+use super::dtc::{Code, Dtc, Lamp};
+
+/// Troubles that the memory holds.
+pub const CAPACITY: usize = 12;
+/// Largest number of occurrences: what DM1 can tell.
+const OCCURRENCES_MAX: u8 = 126;
+
+/// What was measured at one moment; kept in whole steps, so that a memory of twelve fits a flash page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Snapshot {
+    /// Operating time of the controller, in seconds.
+    pub operating_s: u32,
+    pump_speed_rpm: Option<i16>,
+    motor_speed_rpm: Option<i16>,
+    high_pressure_10kpa: Option<i16>,
+    oil_temperature_100mk: Option<i16>,
+    displacement_1e4: Option<i16>,
+}
+
+/// A value in whole steps; nothing where there is no value or where it does not fit.
+fn steps(value: f32, per_step: f32) -> Option<i16> {
+    let scaled = value / per_step;
+    let rounded = if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 };
+    // The bounds keep the cast exact; NaN is on neither side.
+    (rounded > -32_768.0 && rounded < 32_767.0).then_some(rounded as i16)
+}
+
+impl Snapshot {
+    /// The readings of a sample at this operating time.
+    #[must_use]
+    pub fn of(operating_s: u32, sample: &Sample) -> Self {
+        Self {
+            operating_s,
+            pump_speed_rpm: sample.pump_speed.value.ok().and_then(|n| steps(n.get(), 1.0)),
+            motor_speed_rpm: sample.motor_speed.value.ok().and_then(|n| steps(n.get(), 1.0)),
+            high_pressure_10kpa: sample.high_pressure.value.ok().and_then(|p| steps(p.get(), 0.01)),
+            oil_temperature_100mk: sample.oil_temperature.value.ok().and_then(|t| steps(t.get(), 0.1)),
+            displacement_1e4: sample.displacement.value.ok().and_then(|a| steps(a.get(), 1e-4)),
+        }
+    }
+
+    /// Operating time only, where nothing was measured.
+    #[must_use]
+    pub const fn at(operating_s: u32) -> Self {
+        Self {
+            operating_s,
+            pump_speed_rpm: None,
+            motor_speed_rpm: None,
+            high_pressure_10kpa: None,
+            oil_temperature_100mk: None,
+            displacement_1e4: None,
+        }
+    }
+
+    /// Pump speed, to 1 r/min.
+    #[must_use]
+    pub fn pump_speed(&self) -> Option<RevPerMin> {
+        self.pump_speed_rpm.map(|n| RevPerMin(f32::from(n)))
+    }
+
+    /// Motor speed, to 1 r/min.
+    #[must_use]
+    pub fn motor_speed(&self) -> Option<RevPerMin> {
+        self.motor_speed_rpm.map(|n| RevPerMin(f32::from(n)))
+    }
+
+    /// High pressure, to 0.01 MPa, gauge.
+    #[must_use]
+    pub fn high_pressure(&self) -> Option<Megapascal> {
+        self.high_pressure_10kpa.map(|p| Megapascal(f32::from(p) * 0.01))
+    }
+
+    /// Oil temperature, to 0.1 K.
+    #[must_use]
+    pub fn oil_temperature(&self) -> Option<Celsius> {
+        self.oil_temperature_100mk.map(|t| Celsius(f32::from(t) * 0.1))
+    }
+
+    /// Displacement fraction, to 0.0001.
+    #[must_use]
+    pub fn displacement(&self) -> Option<Ratio> {
+        self.displacement_1e4.map(|a| Ratio(f32::from(a) * 1e-4))
+    }
+}
+
+/// One trouble in the memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Entry {
+    /// Its trouble code.
+    pub dtc: Dtc,
+    /// Whether it is there now (DM1), or was (DM2).
+    pub active: bool,
+    /// How often it came, 1 to 126.
+    pub occurrences: u8,
+    /// What was measured when it first came.
+    pub first: Snapshot,
+    /// What was measured when it last came.
+    pub last: Snapshot,
+}
+
+/// A trouble as it is told, without what was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Trouble {
+    /// Its trouble code.
+    pub dtc: Dtc,
+    /// Whether it is there now (DM1), or was (DM2).
+    pub active: bool,
+    /// How often it came, 1 to 126.
+    pub occurrences: u8,
+}
+
+/// All troubles as they are told: a small copy of the memory, because making lists of it takes longer than other tasks may be
+/// locked out.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Troubles(Vec<Trouble, CAPACITY>);
+
+impl Troubles {
+    /// All of them, in the memory's order.
+    #[must_use]
+    pub fn all(&self) -> &[Trouble] {
+        &self.0
+    }
+
+    /// Whether any is there now.
+    #[must_use]
+    pub fn has_active(&self) -> bool {
+        self.0.iter().any(|trouble| trouble.active)
+    }
+
+    /// The lamp that the active ones light.
+    #[must_use]
+    pub fn lamp(&self) -> Lamp {
+        let lit = |trouble: &Trouble| {
+            trouble.active && Code::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+        };
+        if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
+    }
+}
+
+impl Entry {
+    /// What it is, where this version knows.
+    #[must_use]
+    pub fn code(&self) -> Option<Code> {
+        Code::from_dtc(self.dtc)
+    }
+
+    /// How much it is worth keeping: the larger, the more.
+    fn rank(&self) -> (u8, u32) {
+        let importance = match self.code() {
+            _ if self.active => 2,
+            Some(Code::UpdateRefused(_)) => 0,
+            _ => 1,
+        };
+        (importance, self.last.operating_s)
+    }
+}
+
+/// The memory.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct FaultMemory {
+    entries: Vec<Entry, CAPACITY>,
+    /// Troubles that found no place; stays at its maximum.
+    lost: u16,
+    #[serde(skip)]
+    changed: bool,
+}
+
+impl FaultMemory {
+    /// Nothing has happened yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { entries: Vec::new(), lost: 0, changed: false }
+    }
+
+    /// All troubles, in no particular order.
+    #[must_use]
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// Troubles that are there now.
+    pub fn active(&self) -> impl Iterator<Item = &Entry> {
+        self.entries.iter().filter(|entry| entry.active)
+    }
+
+    /// Troubles that were.
+    pub fn previous(&self) -> impl Iterator<Item = &Entry> {
+        self.entries.iter().filter(|entry| !entry.active)
+    }
+
+    /// The entry of a code.
+    #[must_use]
+    pub fn get(&self, code: Code) -> Option<&Entry> {
+        let dtc = code.dtc();
+        self.entries.iter().find(|entry| entry.dtc == dtc)
+    }
+
+    /// Troubles that found no place.
+    #[must_use]
+    pub fn lost(&self) -> u16 {
+        self.lost
+    }
+
+    /// All troubles as they are told.
+    #[must_use]
+    pub fn troubles(&self) -> Troubles {
+        let short =
+            |entry: &Entry| Trouble { dtc: entry.dtc, active: entry.active, occurrences: entry.occurrences };
+        Troubles(self.entries.iter().map(short).collect())
+    }
+
+    /// Whether anything has changed since this was last asked; the storage task asks before it writes. Not more often
+    /// than every ten seconds, say: what is on the bus must not wear out the flash.
+    pub fn take_changed(&mut self) -> bool {
+        core::mem::take(&mut self.changed)
+    }
+
+    /// A debounced trouble stands at this stage now. To be called whenever it may have changed; calls that change nothing
+    /// change nothing here.
+    pub fn follows(&mut self, code: Code, stage: Stage, snapshot: Snapshot) {
+        match stage {
+            Stage::Confirmed => self.confirmed(code, snapshot),
+            Stage::Healed | Stage::Absent => self.healed(code),
+            Stage::Pending => {}
+        }
+    }
+
+    /// A trouble is there. Counted once until it has healed.
+    pub fn confirmed(&mut self, code: Code, snapshot: Snapshot) {
+        self.occurs(code, snapshot, true);
+    }
+
+    /// A trouble is no longer there.
+    pub fn healed(&mut self, code: Code) {
+        let dtc = code.dtc();
+        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == dtc && entry.active) {
+            entry.active = false;
+            self.changed = true;
+        }
+    }
+
+    /// Something happened that has no duration: a refused update, a restart.
+    pub fn happened(&mut self, code: Code, snapshot: Snapshot) {
+        self.occurs(code, snapshot, false);
+    }
+
+    /// Takes over what an earlier run left in flash; what has happened in this run already comes on top. Nothing of the
+    /// earlier run is active any more: what is still there occurs anew. What was here before is left in the place of `stored`.
+    pub fn restore(&mut self, stored: &mut Self) {
+        core::mem::swap(self, stored);
+        let since_start = stored;
+        for entry in &mut self.entries {
+            entry.active = false;
+        }
+        self.lost = self.lost.saturating_add(since_start.lost);
+        self.changed |= since_start.changed;
+        for entry in &since_start.entries {
+            self.takes(entry);
+        }
+    }
+
+    /// Forgets every trouble that is not active, as the workshop's "clear" does.
+    pub fn clear_previous(&mut self) {
+        let before = self.entries.len();
+        self.entries.retain(|entry| entry.active);
+        self.changed |= before != self.entries.len() || self.lost > 0;
+        self.lost = 0;
+    }
+
+    fn occurs(&mut self, code: Code, snapshot: Snapshot, active: bool) {
+        let dtc = code.dtc();
+        self.takes(&Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
+    }
+
+    /// Adds occurrences of a trouble to those that are known, or finds a place for the first ones.
+    fn takes(&mut self, new: &Entry) {
+        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == new.dtc) {
+            if entry.active && new.active {
+                return;
+            }
+            entry.active = new.active;
+            entry.occurrences = entry.occurrences.saturating_add(new.occurrences).min(OCCURRENCES_MAX);
+            entry.last = new.last;
+            self.changed = true;
+            return;
+        }
+        self.changed = true;
+        let Err(entry) = self.entries.push(*new) else { return };
+        let least = self.entries.iter_mut().min_by_key(|entry| entry.rank());
+        match least {
+            // What is worth no more than the least there is does not push it out: the first to come stay.
+            Some(least) if least.rank().0 < 2 && least.rank().0 <= entry.rank().0 => *least = entry,
+            _ => self.lost = self.lost.saturating_add(1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kou_estimator::units::Micros;
+    use kou_estimator::{Channel, Fault, Reading};
+
+    use super::*;
+    use crate::diagnostics::RejectReason;
+
+    fn sensor(fault: Fault) -> Code {
+        Code::Sensor(Channel::HighPressure, fault)
+    }
+
+    #[test]
+    fn first_and_last_snapshot_and_number_of_occurrences_are_kept() {
+        let mut memory = FaultMemory::new();
+        let code = sensor(Fault::Open);
+        let mut sample = Sample::empty(Micros(0));
+        sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
+        sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
+        memory.confirmed(code, Snapshot::of(100, &sample));
+        memory.confirmed(code, Snapshot::at(101));
+        assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
+        memory.follows(code, Stage::Pending, Snapshot::at(150));
+        assert_eq!(memory.active().count(), 1);
+        memory.follows(code, Stage::Healed, Snapshot::at(200));
+        assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
+        memory.confirmed(code, Snapshot::at(300));
+        let entry = memory.get(code).unwrap();
+        assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
+        assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
+        assert_eq!(entry.first.displacement(), Some(Ratio(-0.5)));
+        assert_eq!(entry.first.high_pressure(), None);
+        assert_eq!(memory.troubles().lamp(), Lamp::Amber);
+        assert!(memory.take_changed() && !memory.take_changed());
+    }
+
+    #[test]
+    fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
+        let mut memory = FaultMemory::new();
+        memory.confirmed(sensor(Fault::Open), Snapshot::at(1));
+        memory.happened(Code::Watchdog, Snapshot::at(2));
+        for round in 0..10 {
+            for refusal in RejectReason::ALL {
+                memory.happened(Code::UpdateRefused(refusal), Snapshot::at(10 + round));
+            }
+        }
+        assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(Code::Watchdog).is_some());
+        assert_eq!(memory.entries().len(), CAPACITY);
+        // And what happens to the machine finds a place in the full memory.
+        memory.confirmed(Code::Wear, Snapshot::at(50));
+        assert!(memory.get(Code::Wear).is_some());
+    }
+
+    #[test]
+    fn active_troubles_are_never_pushed_out_and_the_rest_is_counted() {
+        let mut memory = FaultMemory::new();
+        let codes: std::vec::Vec<Code> = Code::all().take(CAPACITY + 3).collect();
+        for (i, code) in codes.iter().enumerate() {
+            memory.confirmed(*code, Snapshot::at(i as u32));
+        }
+        assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
+        assert_eq!(memory.lost(), 3);
+        memory.healed(codes[4]);
+        memory.confirmed(codes[CAPACITY], Snapshot::at(99));
+        assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
+        memory.clear_previous();
+        assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
+    }
+
+    #[test]
+    fn occurrences_stay_at_what_the_bus_can_tell() {
+        let mut memory = FaultMemory::new();
+        for i in 0..1000 {
+            memory.happened(Code::Watchdog, Snapshot::at(i));
+        }
+        assert_eq!(memory.get(Code::Watchdog).unwrap().occurrences, 126);
+    }
+}

@@ -1,0 +1,40 @@
+//! Cause of the last (re)start of the controller.
+
+use serde::{Deserialize, Serialize};
+
+use super::dtc::Code;
+
+/// Why the controller (re)started, as its hardware tells; a [note](crate::diagnostics::crash_log) may know better. On flash by
+/// position: append only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ResetCause {
+    /// The supply came.
+    #[default]
+    PowerOn,
+    /// The supply fell below its limit.
+    BrownOut,
+    /// The watchdog.
+    Watchdog,
+    /// The firmware, on request.
+    Software,
+    /// The reset pin.
+    Pin,
+    /// The firmware stopped itself.
+    Panic,
+    /// The hardware does not say.
+    Unknown,
+}
+
+impl ResetCause {
+    /// The trouble that a start from this cause is, if any.
+    #[must_use]
+    pub const fn trouble(self) -> Option<Code> {
+        match self {
+            Self::BrownOut => Some(Code::BrownOut),
+            Self::Watchdog => Some(Code::Watchdog),
+            Self::Panic => Some(Code::Panic),
+            Self::PowerOn | Self::Software | Self::Pin | Self::Unknown => None,
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! The controller's tasks on the host, with a clock that only the test moves.
+
+use std::cell::{Cell, RefCell};
+use std::future::Future;
+use std::pin::Pin;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Waker};
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_time::{Duration, Instant, MockDriver};
+use kou_app::controller::{
+    Begin, Controller, Estimator, FrontEnd, NoEstimate, Publish, SUPERVISE_PERIOD, SensorsMemory,
+    StorageTask, Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish,
+    run_sample, run_storage, run_supervise,
+};
+use kou_app::diagnostics::ResetCause;
+use kou_app::sensors::adc::{ConversionError, Counts, Input};
+use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::wiring;
+use kou_app::storage::{MIN_BYTES, Store};
+use kou_app::update::{NoKey, Service, Session};
+use kou_emulation::RamFlash;
+use kou_estimator::units::Micros;
+use kou_estimator::{Estimate, Sample};
+
+/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
+fn clock_for_one_test() -> MutexGuard<'static, ()> {
+    static CLOCK: Mutex<()> = Mutex::new(());
+    let guard = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    MockDriver::get().reset();
+    guard
+}
+
+type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
+
+/// Polls every task until none has anything left to do at this time.
+fn settle(tasks: &mut Tasks<'_>) {
+    let mut context = Context::from_waker(Waker::noop());
+    for task in tasks {
+        assert!(task.as_mut().poll(&mut context).is_pending(), "a task has ended");
+    }
+}
+
+/// Moves the clock by single milliseconds.
+fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
+    for _ in 0..ms {
+        clock.advance(Duration::from_millis(1));
+        settle(tasks);
+    }
+}
+
+/// A front end whose inputs are what a cell says; `busy` is time that a read takes.
+struct Bench<'a> {
+    counts: &'a Cell<Result<Counts, ConversionError>>,
+    busy: &'a Cell<Duration>,
+}
+
+impl FrontEnd for Bench<'_> {
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+        MockDriver::get().advance(self.busy.get());
+        assert_eq!(wanted.iter().flatten().count(), CHANNELS);
+        into.analog = [self.counts.get(); CHANNELS];
+        into.count = (Instant::now().as_micros() * 10) as u32;
+    }
+}
+
+#[derive(Default)]
+struct Told(RefCell<Vec<Result<Estimate, NoEstimate>>>);
+
+impl Publish for &Told {
+    async fn publish(&mut self, _: Micros, estimate: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {
+        self.0.borrow_mut().push(*estimate);
+    }
+}
+
+#[derive(Default)]
+struct Dog {
+    fed_at_ms: Cell<u64>,
+    given_up: RefCell<Vec<Task>>,
+}
+
+impl Watchdog for &Dog {
+    fn feed(&mut self) {
+        self.fed_at_ms.set(Instant::now().as_millis());
+    }
+
+    fn give_up(&mut self, task: Task) {
+        self.given_up.borrow_mut().push(task);
+    }
+}
+
+/// Everything that a run needs; all of it outlives the tasks.
+struct World {
+    controller: Controller<NoopRawMutex>,
+    params: SensorsParams,
+    counts: Cell<Result<Counts, ConversionError>>,
+    busy: Cell<Duration>,
+    told: Told,
+    dog: Dog,
+}
+
+impl World {
+    fn new() -> Self {
+        Self {
+            controller: Controller::new(),
+            params: SensorsParams::new(&wiring::REFERENCE).unwrap(),
+            counts: Cell::new(Ok(Counts::new(1500).unwrap())),
+            busy: Cell::new(Duration::from_ticks(0)),
+            told: Told::default(),
+            dog: Dog::default(),
+        }
+    }
+
+    /// All tasks but those that are left out, in the order of their priorities.
+    fn tasks(&self, without: &[Task]) -> Tasks<'_> {
+        let start = Instant::now();
+        let c = &self.controller;
+        let mut tasks: Tasks<'_> = Vec::new();
+        let with = |task| !without.contains(&task);
+        if with(Task::Sample) {
+            tasks.push(Box::pin(async move {
+                let mut bench = Bench { counts: &self.counts, busy: &self.busy };
+                run_sample(c, start, &self.params, &mut bench, &mut SensorsMemory::new()).await;
+            }));
+        }
+        if with(Task::Estimate) {
+            tasks.push(Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }));
+        }
+        if with(Task::Publish) {
+            tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
+        }
+        if with(Task::Store) {
+            tasks.push(Box::pin(async move {
+                let mut store =
+                    Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+                let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap();
+                let mut session = Session::new();
+                let begin = Begin { cause: ResetCause::PowerOn, note: None };
+                let mut keeper =
+                    StorageTask::new(Service::new(&mut store, &mut session, NoKey, None), rates, begin);
+                run_storage(c, start, &mut keeper).await;
+            }));
+        }
+        tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));
+        settle(&mut tasks);
+        tasks
+    }
+}
+
+#[test]
+fn every_task_keeps_its_period_and_the_watchdog_is_fed() {
+    let _clock = clock_for_one_test();
+    let world = World::new();
+    let mut tasks = world.tasks(&[]);
+    let clock = MockDriver::get();
+    run(clock, &mut tasks, 10_000);
+    let [sample, estimate, publish, store, supervise] = world.controller.vitals.read();
+    let turns = [sample, estimate, publish, store, supervise].map(|vital| vital.turns);
+    assert_eq!(turns, [10_000, 1_000, 1_000, 10, 200]);
+    for vital in world.controller.vitals.read() {
+        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0));
+    }
+    assert_eq!(world.told.0.borrow().len(), 1_000);
+    assert_eq!(Instant::now().as_millis() - world.dog.fed_at_ms.get(), 0);
+    assert_eq!(*world.dog.given_up.borrow(), []);
+}
+
+#[test]
+fn without_a_calibration_the_output_says_so_and_never_an_estimate() {
+    let _clock = clock_for_one_test();
+    let world = World::new();
+    assert_eq!(world.controller.output(Micros(0)), Err(NoEstimate::Starting));
+    let mut tasks = world.tasks(&[]);
+    run(MockDriver::get(), &mut tasks, 1_000);
+    // Until the flash has been read it is not known.
+    let told = world.told.0.borrow();
+    let starting = told.iter().take_while(|told| **told == Err(NoEstimate::Starting)).count();
+    assert!(starting <= 2, "{starting}");
+    assert!(told.iter().skip(starting).all(|told| *told == Err(NoEstimate::NoCalibration)));
+    let sample = world.controller.sample().unwrap();
+    assert!(sample.oil_temperature.value.is_ok(), "{sample:?}");
+}
+
+#[test]
+fn a_late_task_misses_is_counted_and_does_not_shift_the_ones_after_it() {
+    let _clock = clock_for_one_test();
+    let world = World::new();
+    let mut tasks = world.tasks(&[]);
+    let clock = MockDriver::get();
+    run(clock, &mut tasks, 100);
+    // One read takes 3.5 ms: the turns due 1, 2 and 3 ms after it are left out.
+    world.busy.set(Duration::from_micros(3_500));
+    run(clock, &mut tasks, 1);
+    world.busy.set(Duration::from_ticks(0));
+    let vital = world.controller.vitals.sample.read();
+    assert_eq!((vital.turns, vital.missed, vital.skipped, vital.longest_us), (101, 1, 3, 3_500));
+    // The clock now stands at half a millisecond; the turns stay on the whole ones.
+    clock.advance(Duration::from_micros(500));
+    settle(&mut tasks);
+    run(clock, &mut tasks, 100);
+    let after = world.controller.vitals.sample.read();
+    assert_eq!((after.turns, after.missed, after.latest_us), (202, 1, 0));
+    // No time has leaked: turns and left-out turns are the milliseconds that have passed.
+    assert_eq!(u64::from(after.turns + after.skipped), 100 + 1 + 4 + 100);
+}
+
+#[test]
+fn each_task_that_stops_starves_the_watchdog_in_time_and_is_named() {
+    let _clock = clock_for_one_test();
+    for task in Task::ALL {
+        let world = World::new();
+        let mut tasks = world.tasks(&[task]);
+        let clock = MockDriver::get();
+        let start = Instant::now();
+        // Within its patience, one look of the supervisor to notice and one more to give up.
+        let limit = task.patience() + SUPERVISE_PERIOD * 3;
+        run(clock, &mut tasks, limit.as_millis());
+        assert_eq!(*world.dog.given_up.borrow(), [task], "{task:?}");
+        let fed = world.dog.fed_at_ms.get().saturating_sub(start.as_millis());
+        assert!(fed <= (task.patience() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
+        // For good.
+        let fed = world.dog.fed_at_ms.get();
+        run(clock, &mut tasks, 2_000);
+        assert_eq!(world.dog.fed_at_ms.get(), fed);
+        assert_eq!(world.dog.given_up.borrow().len(), 1);
+    }
+}

@@ -1,0 +1,131 @@
+//! Records of every age, and the rules of the flash in RAM. Power cuts and damaged bits: `tests/e2e/storage.rs`.
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+use kou_app::diagnostics::ResetCause;
+use kou_app::storage::{
+    BUFFER_LEN, Kind, Life, MIN_BYTES, Record, RegionError, Store, StoreError, StoredCalibration,
+};
+use kou_emulation::RamFlash;
+use kou_emulation::ram_flash::{RamFlashError, Torn};
+use serde::{Deserialize, Serialize};
+
+const BYTES: usize = MIN_BYTES as usize;
+type Flash = RamFlash<BYTES, 2048>;
+
+fn store() -> Store<Flash> {
+    Store::new(Flash::new(), 0..MIN_BYTES).unwrap()
+}
+
+#[test]
+fn a_region_that_cannot_be_used_is_refused_by_name() {
+    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
+    let odd = Store::new(RamFlash::<{ 2 * BYTES }, 2048>::new(), 8..MIN_BYTES + 8);
+    assert_eq!(odd.err(), Some(RegionError::Pages));
+    let small = Store::new(RamFlash::<BYTES, 512>::new(), 0..MIN_BYTES);
+    assert_eq!(small.err(), Some(RegionError::PageTooSmall));
+}
+
+/// Hours as an imagined earlier version would have stored them.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Older {
+    hours: u16,
+}
+
+impl Record<'_> for Older {
+    const KIND: Kind = Kind::Life;
+    const SCHEMA: u16 = 0;
+}
+
+/// As the next version might.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Newer {
+    operating_s: u32,
+}
+
+impl<'a> Record<'a> for Newer {
+    const KIND: Kind = Kind::Life;
+    const SCHEMA: u16 = 2;
+
+    fn migrate(schema: u16, body: &'a [u8]) -> Option<Self> {
+        match schema {
+            Older::SCHEMA => {
+                let older: Older = postcard::from_bytes(body).ok()?;
+                Some(Self { operating_s: 3600 * u32::from(older.hours) })
+            }
+            _ => None,
+        }
+    }
+}
+
+#[test]
+fn an_older_record_is_migrated_and_a_foreign_one_refused_by_name() {
+    let mut store = store();
+    block_on(async {
+        assert_eq!(store.read::<Newer>().await, Ok(None));
+        store.write(&Older { hours: 7 }).await.unwrap();
+        assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 25_200 })));
+        assert_eq!(store.read::<Life>().await, Err(StoreError::Schema { kind: Kind::Life, found: 0 }));
+        store.write(&Life::new()).await.unwrap();
+        assert_eq!(store.read::<Newer>().await, Err(StoreError::Schema { kind: Kind::Life, found: 1 }));
+        // Refused, it can still be replaced.
+        store.write(&Newer { operating_s: 1 }).await.unwrap();
+        assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 1 })));
+    });
+}
+
+#[test]
+fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
+    let mut store = store();
+    let long = [7; BUFFER_LEN];
+    block_on(async {
+        let good = StoredCalibration { counter: 1, record: &long[..100] };
+        store.write(&good).await.unwrap();
+        let wrong = StoredCalibration { counter: 2, record: &long };
+        assert_eq!(store.write(&wrong).await, Err(StoreError::TooLong));
+        assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(good)));
+        let longest = StoredCalibration {
+            counter: u32::MAX,
+            record: &long[..kou_estimator::record::calibration::MAX_LEN],
+        };
+        store.write(&longest).await.unwrap();
+        assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(longest)));
+    });
+}
+
+#[test]
+fn unasked_restarts_are_counted_and_are_troubles() {
+    let mut life = Life::new();
+    let unasked = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
+    for cause in [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unasked) {
+        life.started(cause);
+        assert_eq!(cause.trouble().is_some(), unasked.contains(&cause));
+    }
+    assert_eq!((life.starts, life.unasked, life.last_reset), (6, 3, ResetCause::Panic));
+    life.ran(u32::MAX);
+    life.ran(1);
+    assert_eq!(life.operating_s, u32::MAX);
+}
+
+#[test]
+fn flash_in_ram_keeps_the_rules_of_nor_flash() {
+    let mut flash = Flash::new();
+    block_on(async {
+        flash.write(8, &[1; 8]).await.unwrap();
+        assert_eq!(flash.write(8, &[1; 8]).await, Err(RamFlashError::NotErased));
+        flash.write(8, &[0; 8]).await.unwrap();
+        assert_eq!(flash.write(4, &[0; 8]).await, Err(RamFlashError::Unaligned));
+        assert_eq!(flash.write(0, &[0; 4]).await, Err(RamFlashError::Unaligned));
+        assert_eq!(flash.write(BYTES as u32, &[0; 8]).await, Err(RamFlashError::OutOfBounds));
+        assert_eq!(flash.erase(0, 100).await, Err(RamFlashError::Unaligned));
+        flash.cut_after(11, Torn::Clean);
+        assert_eq!(flash.write(16, &[2; 24]).await, Err(RamFlashError::NoPower));
+        assert_eq!(flash.read(0, &mut [0]).await, Err(RamFlashError::NoPower));
+        flash.power_on();
+        assert_eq!(flash.cells()[16..32], [2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 255, 255, 255, 255, 255]);
+        flash.cut_after(1, Torn::Clean);
+        assert_eq!(flash.erase(0, 2048).await, Err(RamFlashError::NoPower));
+        flash.power_on();
+        assert_eq!(flash.cells()[8], 0xFF);
+    });
+}
