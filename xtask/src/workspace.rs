@@ -1,19 +1,15 @@
-//! Where things are: the workspace's root, its packages and its target folder.
+//! Packages and target folder of the workspace, from `cargo metadata`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-use crate::command::Run;
+use crate::command::CommandLine;
+use crate::folders::root;
 
 /// Target triple of the firmware.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
-
-/// Root of the workspace: the folder above xtask.
-pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
-}
 
 /// A package of the workspace.
 #[derive(Debug)]
@@ -36,7 +32,8 @@ pub struct Workspace {
 impl Workspace {
     /// Asks cargo.
     pub fn load() -> Result<Self> {
-        let text = Run::cargo(&["metadata", "--no-deps", "--format-version", "1"]).quiet().stdout()?;
+        let text =
+            CommandLine::cargo(&["metadata", "--no-deps", "--format-version", "1"]).quiet().stdout()?;
         let metadata: Value =
             serde_json::from_str(&text).context("reading the output of `cargo metadata`")?;
         let field = |value: &Value, name: &str| {
@@ -57,15 +54,27 @@ impl Workspace {
         self.packages.iter().filter(move |package| package.folder.starts_with(&folder))
     }
 
+    /// The firmware's libraries: what boards and PC tool link alike.
+    pub fn firmware_libraries(&self) -> impl Iterator<Item = &Package> {
+        let is_program =
+            |package: &&Package| self.programs_of_target().any(|other| other.name == package.name);
+        self.below("firmware").filter(move |package| !is_program(package))
+    }
+
+    /// Packages that compile for the target only.
+    fn programs_of_target(&self) -> impl Iterator<Item = &Package> {
+        self.below("firmware/boards").chain(self.below("firmware/checks"))
+    }
+
     /// `--workspace` without the packages that compile for the target only.
     ///
     /// Every host build uses this selection: another one would resolve other features and compile crates twice.
     pub fn host_selection(&self) -> Vec<String> {
-        let mut words = vec!["--workspace".to_owned()];
-        for package in self.below("firmware/boards").chain(self.below("firmware/checks")) {
-            words.extend(["--exclude".to_owned(), package.name.clone()]);
+        let mut args = vec!["--workspace".to_owned()];
+        for package in self.programs_of_target() {
+            args.extend(["--exclude".to_owned(), package.name.clone()]);
         }
-        words
+        args
     }
 
     /// A release binary of the firmware.

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use proc_macro2::{TokenStream, TokenTree};
 
-use super::{FILE, NameRules, Term};
+use super::rules::{FILE, NameRules, Term, TermException};
 use crate::files::Repository;
 
 /// Complaints about every such word, and about exceptions without use.
@@ -29,7 +29,7 @@ pub fn found(repository: &Repository, rules: &NameRules) -> Result<Vec<String>> 
     let mut complaints = Vec::new();
     let mut is_needed = vec![false; rules.exceptions.len()];
     for found in uses {
-        let except = |exception: &&super::TermException| {
+        let except = |exception: &&TermException| {
             exception.word == found.word && found.path.starts_with(&exception.path)
         };
         match rules.exceptions.iter().position(|exception| except(&exception)) {

@@ -1,4 +1,5 @@
-use super::{NameRules, terms, types};
+use super::rules::NameRules;
+use super::{terms, types};
 use crate::files::Repository;
 
 fn repeated(rules: &str, files: &[(&'static str, &'static str)]) -> Vec<String> {

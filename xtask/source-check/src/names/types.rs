@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use syn::visit::{self, Visit};
 
-use super::{FILE, NameRules};
+use super::rules::{FILE, NameRules};
 use crate::files::Repository;
 
 /// Complaints about every repeated name and every exception without use, and the number of names.
