@@ -18,5 +18,8 @@ pub fn check_workspace() -> Result<(Vec<String>, String)> {
     let (rules, repository) = (NameRules::load(&root)?, files::read(&root)?);
     let (mut complaints, types) = types::repeated(&repository, &rules)?;
     complaints.extend(terms::found(&repository, &rules)?);
-    Ok((complaints, format!("names: {types} type names, {} terms", rules.terms.len())))
+    Ok((
+        complaints,
+        format!("names: {types} type names, {} terms", rules.identifiers.len() + rules.words.len()),
+    ))
 }

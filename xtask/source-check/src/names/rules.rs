@@ -1,5 +1,6 @@
 //! Exceptions and terms: `xtask/names.toml`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -12,40 +13,18 @@ pub const FILE: &str = "xtask/names.toml";
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NameRules {
-    /// Type names that may stand more than once.
+    /// Type names that may stand more than once, and why.
     #[serde(default)]
-    pub repeated: Vec<RepeatedName>,
-    /// Words and the standard terms for them.
-    #[serde(default, rename = "term")]
-    pub terms: Vec<Term>,
+    pub repeated: BTreeMap<String, String>,
+    /// Identifiers, compared to the letter, and the standard term for each.
+    #[serde(default)]
+    pub identifiers: BTreeMap<String, String>,
+    /// Words in identifiers (`error` in `ratio_error` and `RatioError`), comments and documents, and the standard terms.
+    #[serde(default)]
+    pub words: BTreeMap<String, String>,
     /// Uses of such a word that stay.
     #[serde(default, rename = "except")]
     pub exceptions: Vec<TermException>,
-}
-
-/// A type name that may stand more than once.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RepeatedName {
-    /// The name.
-    pub name: String,
-    /// Why it stays.
-    #[serde(rename = "reason")]
-    _reason: String,
-}
-
-/// Words that mean one thing and the standard term for it.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Term {
-    /// Identifiers, to the letter.
-    #[serde(default)]
-    pub identifiers: Vec<String>,
-    /// Words in identifiers (`deficit` in `ratio_deficit` and `RatioDeficit`), in comments and in documents.
-    #[serde(default)]
-    pub words: Vec<String>,
-    /// The standard term.
-    pub standard: String,
 }
 
 /// A word that stays in the files below a path.

@@ -3,8 +3,18 @@
 use anyhow::Result;
 use proc_macro2::{TokenStream, TokenTree};
 
-use super::rules::{FILE, NameRules, Term, TermException};
+use super::rules::{FILE, NameRules, TermException};
 use crate::files::Repository;
+
+/// A place where a word stands.
+struct TermUse<'a> {
+    path: String,
+    line: usize,
+    name: String,
+    /// The word or identifier of the rules.
+    word: &'a str,
+    standard: &'a str,
+}
 
 /// Complaints about every such word, and about exceptions without use.
 pub fn found(repository: &Repository, rules: &NameRules) -> Result<Vec<String>> {
@@ -12,32 +22,30 @@ pub fn found(repository: &Repository, rules: &NameRules) -> Result<Vec<String>> 
     for (path, text) in repository.with_extension("rs") {
         let tokens: TokenStream = text.parse().map_err(|error| anyhow::anyhow!("{path}: {error}"))?;
         identifiers(tokens, &mut |name, line| {
-            for term in &rules.terms {
-                let is_identifier = term.identifiers.iter().any(|word| word == name);
-                let word = words_of(name).into_iter().find(|word| term.words.contains(word));
-                if let Some(word) = word.or_else(|| is_identifier.then(|| name.to_owned())) {
-                    uses.push(Use { path: path.to_owned(), line, name: name.to_owned(), word, term });
-                }
-            }
+            let identifier = rules.identifiers.get_key_value(name);
+            uses.extend(
+                identifier.or_else(|| word_in(name, rules)).map(|found| use_of(path, line, name, found)),
+            );
         });
-        let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("//"));
-        prose(path, lines, rules, &mut uses);
+        let is_comment = |(_, line): &(usize, &str)| line.trim_start().starts_with("//");
+        uses.extend(in_prose(path, text.lines().enumerate().filter(is_comment), rules));
     }
     for (path, text) in repository.with_extension("md") {
-        prose(path, text.lines().enumerate(), rules, &mut uses);
+        uses.extend(in_prose(path, text.lines().enumerate(), rules));
     }
     let mut complaints = Vec::new();
     let mut is_needed = vec![false; rules.exceptions.len()];
     for found in uses {
-        let except = |exception: &&TermException| {
+        let covers = |exception: &TermException| {
             exception.word == found.word && found.path.starts_with(&exception.path)
         };
-        match rules.exceptions.iter().position(|exception| except(&exception)) {
+        match rules.exceptions.iter().position(covers) {
             Some(at) => is_needed[at] = true,
-            None => complaints.push(format!(
-                "{}:{}: `{}`: say {}",
-                found.path, found.line, found.name, found.term.standard
-            )),
+            None => {
+                let TermUse { path, line, name, word, standard } = found;
+                complaints
+                    .push(format!("{path}:{line}: `{name}`: the standard term for `{word}` is: {standard}"));
+            }
         }
     }
     for (exception, _) in rules.exceptions.iter().zip(is_needed).filter(|(_, needed)| !needed) {
@@ -49,31 +57,33 @@ pub fn found(repository: &Repository, rules: &NameRules) -> Result<Vec<String>> 
     Ok(complaints)
 }
 
-/// A place where a word stands.
-struct Use<'a> {
-    path: String,
+fn use_of<'a>(
+    path: &str,
     line: usize,
-    name: String,
-    word: String,
-    term: &'a Term,
+    name: &str,
+    (word, standard): (&'a String, &'a String),
+) -> TermUse<'a> {
+    TermUse { path: path.to_owned(), line, name: name.to_owned(), word, standard }
+}
+
+/// The first word of a name that has a standard term.
+fn word_in<'a>(name: &str, rules: &'a NameRules) -> Option<(&'a String, &'a String)> {
+    words_of(name).iter().find_map(|word| rules.words.get_key_value(word))
 }
 
 /// Words in lines of text.
-fn prose<'a, 'b>(
+fn in_prose<'a>(
     path: &str,
-    lines: impl Iterator<Item = (usize, &'b str)>,
+    lines: impl Iterator<Item = (usize, &'a str)>,
     rules: &'a NameRules,
-    uses: &mut Vec<Use<'a>>,
-) {
+) -> Vec<TermUse<'a>> {
+    let mut uses = Vec::new();
     for (at, line) in lines {
         for name in line.split(|c: char| !c.is_alphanumeric() && c != '_') {
-            for term in &rules.terms {
-                if let Some(word) = words_of(name).into_iter().find(|word| term.words.contains(word)) {
-                    uses.push(Use { path: path.to_owned(), line: at + 1, name: name.to_owned(), word, term });
-                }
-            }
+            uses.extend(word_in(name, rules).map(|found| use_of(path, at + 1, name, found)));
         }
     }
+    uses
 }
 
 /// Calls `each` with every identifier and its line.
@@ -87,7 +97,7 @@ fn identifiers(tokens: TokenStream, each: &mut impl FnMut(&str, usize)) {
     }
 }
 
-/// Words of an identifier in lower case: `ratio_deficit`, `RatioDeficit` and `RATIO_DEFICIT` have two.
+/// Words of an identifier in lower case: `ratio_error`, `RatioError` and `RATIO_ERROR` have two.
 fn words_of(name: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![String::new()];
     let mut before = '_';

@@ -27,16 +27,13 @@ fn associated_types_and_allowed_names_may_repeat() {
         ("a.rs", "struct Args; impl Iterator for Args { type Item = u8; }"),
         ("b.rs", "struct Args; struct B; impl Iterator for B { type Item = u8; } enum Item { Args }"),
     ];
-    assert_eq!(repeated("repeated = [{ name = 'Args', reason = 'one for each command' }]", &files), [""; 0]);
-    assert_eq!(
-        repeated("repeated = [{ name = 'Item', reason = '' }, { name = 'Args', reason = '' }]", &files).len(),
-        1
-    );
+    assert_eq!(repeated("repeated = { Args = 'one for each command' }", &files), [""; 0]);
+    assert_eq!(repeated("repeated = { Item = '', Args = '' }", &files).len(), 1);
 }
 
 #[test]
 fn words_are_found_in_identifiers_comments_and_documents() {
-    let rules = "[[term]]\nwords = ['deficit']\nstandard = '`ratio_residual`'";
+    let rules = "[words]\ndeficit = 'ratio_residual'";
     for (path, text) in [
         ("a.rs", "fn ratio_deficit() {}"),
         ("a.rs", "struct RatioDeficit;"),
@@ -49,7 +46,7 @@ fn words_are_found_in_identifiers_comments_and_documents() {
         assert!(
             complaints.len() == 1
                 && complaints[0].contains(":1: ")
-                && complaints[0].ends_with("say `ratio_residual`"),
+                && complaints[0].ends_with("is: ratio_residual"),
             "{text}"
         );
     }
@@ -61,8 +58,11 @@ fn words_are_found_in_identifiers_comments_and_documents() {
 
 #[test]
 fn identifiers_are_compared_to_the_letter() {
-    let rules = "[[term]]\nidentifiers = ['Pace']\nstandard = '`Ticker`'";
-    assert_eq!(found(rules, &[("a.rs", "struct Pace;")]), ["a.rs:1: `Pace`: say `Ticker`"]);
+    let rules = "[identifiers]\nPace = 'Ticker'";
+    assert_eq!(
+        found(rules, &[("a.rs", "struct Pace;")]),
+        ["a.rs:1: `Pace`: the standard term for `Pace` is: Ticker"]
+    );
     assert_eq!(
         found(rules, &[("a.rs", "/// Pace.\nstruct PaceMaker; fn pace() {}"), ("a.md", "Pace")]),
         [""; 0]
@@ -71,7 +71,7 @@ fn identifiers_are_compared_to_the_letter() {
 
 #[test]
 fn exceptions_hold_where_they_are_made_and_must_be_needed() {
-    let rules = "[[term]]\nidentifiers = ['Pace']\nstandard = '`Ticker`'\n[[except]]\nword = 'Pace'\npath = 'a/'\nreason = 'a format'";
+    let rules = "[identifiers]\nPace = 'Ticker'\n[[except]]\nword = 'Pace'\npath = 'a/'\nreason = 'a format'";
     assert_eq!(found(rules, &[("a/a.rs", "struct Pace;")]), [""; 0]);
     assert_eq!(found(rules, &[("b/a.rs", "struct Pace;")]).len(), 2);
 }

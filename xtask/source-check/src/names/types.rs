@@ -20,7 +20,7 @@ pub fn repeated(repository: &Repository, rules: &NameRules) -> Result<(Vec<Strin
             places.entry(name).or_default().push(format!("{path}:{line}"));
         }
     }
-    let is_allowed = |name: &str| rules.repeated.iter().any(|allowed| allowed.name == name);
+    let is_allowed = |name: &str| rules.repeated.contains_key(name);
     let mut complaints: Vec<String> = places
         .iter()
         .filter(|(name, places)| places.len() > 1 && !is_allowed(name))
@@ -33,12 +33,10 @@ pub fn repeated(repository: &Repository, rules: &NameRules) -> Result<(Vec<Strin
             )
         })
         .collect();
-    for allowed in &rules.repeated {
-        if places.get(&allowed.name).is_none_or(|places| places.len() < 2) {
-            complaints.push(format!(
-                "{FILE} allows `{}` to be repeated, which it is not: remove it there",
-                allowed.name
-            ));
+    for allowed in rules.repeated.keys() {
+        if places.get(allowed).is_none_or(|places| places.len() < 2) {
+            complaints
+                .push(format!("{FILE} allows `{allowed}` to be repeated, which it is not: remove it there"));
         }
     }
     Ok((complaints, places.len()))
