@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::joint::{self, Prior, Row, Solution};
 use super::law_fit::{LawFit, TERMS, normalised, phi};
-use super::ratio_model::{At, ReducedRatio};
+use super::ratio_model::{OperatingPoint, ReducedRatio};
 use kou_records::InputError;
 
 /// One proposal.
@@ -33,7 +33,7 @@ const PROPOSALS: usize = 5;
 /// # Errors
 /// A machine that the estimator refuses.
 pub fn advise(
-    measured: &[At],
+    measured: &[OperatingPoint],
     fit: &LawFit,
     reduced: &ReducedRatio,
     solution: &Solution,
@@ -45,14 +45,14 @@ pub fn advise(
     let row = |[n, p, t, alpha]: [f64; 4]| {
         let x = normalised(&fit.law, n, p, t);
         let all = phi(x);
-        let at = At { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha };
+        let at = OperatingPoint { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha };
         let terms: Vec<f64> = kept.iter().map(|i| all[*i]).collect();
         let kou: f64 = terms.iter().zip(&solution.unknowns).map(|(f, k)| f * k).sum();
         // What would be measured: its error is relative to it.
         Row { at, ratio: changed.ratio(&at, kou), x, phi: terms }
     };
     let here: Vec<Row> = measured.iter().map(|a| row([a.n_p_rpm, a.p_h_mpa, a.t_b_c, a.alpha])).collect();
-    let levels = |of: fn(&At) -> f64| {
+    let levels = |of: fn(&OperatingPoint) -> f64| {
         let low = measured.iter().map(of).fold(f64::INFINITY, f64::min);
         let high = measured.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
         [low, 0.5 * (low + high), high]

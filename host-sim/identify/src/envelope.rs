@@ -3,7 +3,7 @@
 //! Halton's sequence, so that the first n points fill the envelope for every n and two sets that begin at different
 //! indices share no point. Kou is spread evenly from its smallest value to what takes the allowed share of the flow.
 
-use super::ratio_model::{At, ReducedRatio};
+use super::ratio_model::{OperatingPoint, ReducedRatio};
 
 /// Ranges of operating points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,10 +49,10 @@ fn radical_inverse(mut index: u32, base: u32) -> f64 {
 impl Envelope {
     /// The point with this index, and its leakage coefficient. The reduced model tells how much the pump delivers.
     #[must_use]
-    pub fn point(&self, index: u32, reduced: &ReducedRatio) -> (At, f64) {
+    pub fn point(&self, index: u32, reduced: &ReducedRatio) -> (OperatingPoint, f64) {
         let within = |[low, high]: [f64; 2], base: u32| low + (high - low) * radical_inverse(index, base);
         let alpha = if index.is_multiple_of(3) { self.alpha[1] } else { within(self.alpha, 7) };
-        let at = At {
+        let at = OperatingPoint {
             n_p_rpm: within(self.speed_rpm, 2),
             p_h_mpa: within(self.pressure_mpa, 3),
             p_l_mpa: None,

@@ -18,7 +18,7 @@ use super::law_fit::{LawFit, TERMS, normalised, phi};
 use super::outcome::{
     Identification, PointResult, Refusal, Unknown, demand_points, ratio_by_law, ratio_error_mean_pct,
 };
-use super::ratio_model::{At, RatioModel, ReducedRatio};
+use super::ratio_model::{RatioModel, ReducedRatio, operating_point};
 use super::surrogate;
 use crate::calibration::{Settings, assemble};
 use kou_lumped::SimError;
@@ -112,8 +112,10 @@ pub fn identify(
 
 /// Normalisers, region and kept terms, from the points and their coefficients by the reduced model.
 fn shape_of_law(reduced: &ReducedRatio, points: &[BenchPoint]) -> LawFit {
-    let rough: Vec<[f64; 4]> =
-        points.iter().map(|p| [p.n_p_rpm, p.p_h_mpa, p.t_b_c, reduced.kou(&At::from(p), p.ratio)]).collect();
+    let rough: Vec<[f64; 4]> = points
+        .iter()
+        .map(|p| [p.n_p_rpm, p.p_h_mpa, p.t_b_c, reduced.kou(&operating_point(p), p.ratio)])
+        .collect();
     LawFit::new(&rough)
 }
 
@@ -128,7 +130,7 @@ fn rows_of(fit: &LawFit, points: &[BenchPoint]) -> Vec<Row> {
         .map(|p| {
             let x = normalised(&fit.law, p.n_p_rpm, p.p_h_mpa, p.t_b_c);
             let all = phi(x);
-            Row { at: At::from(p), ratio: p.ratio, x, phi: kept.iter().map(|i| all[*i]).collect() }
+            Row { at: operating_point(p), ratio: p.ratio, x, phi: kept.iter().map(|i| all[*i]).collect() }
         })
         .collect()
 }

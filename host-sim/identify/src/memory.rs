@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use super::ratio_model::{At, Change, RatioModel, Solved};
+use super::ratio_model::{Change, OperatingPoint, RatioModel, Solved};
 use kou_lumped::SimError;
 use kou_records::InputError;
 
@@ -76,7 +76,7 @@ impl Memory {
         Remembering { memory: self, inner: Inner::Borrowed(model), change: Change::NONE }
     }
 
-    fn key(&self, change: Change, at: &At, kou: f64) -> String {
+    fn key(&self, change: Change, at: &OperatingPoint, kou: f64) -> String {
         let numbers = [change.displacement, change.bulk, at.n_p_rpm, at.p_h_mpa, at.t_b_c, at.alpha, kou];
         let bits: Vec<String> = numbers.iter().map(|v| format!("{:x}", v.to_bits())).collect();
         format!("{:x}-{}", self.fingerprint, bits.join("-"))
@@ -114,7 +114,7 @@ impl Remembering<'_> {
 }
 
 impl RatioModel for Remembering<'_> {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         let key = self.memory.key(self.change, at, kou);
         let lock = || self.memory.store.lock().unwrap_or_else(PoisonError::into_inner);
         let known = lock().known.get(&key).copied();
@@ -159,7 +159,7 @@ mod tests {
         let machine =
             Machine::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml")).unwrap();
         let model = ReducedRatio::new(&machine).unwrap();
-        let at = At { n_p_rpm: 1000.0, p_h_mpa: 30.0, p_l_mpa: None, t_b_c: 60.0, alpha: 1.0 };
+        let at = OperatingPoint { n_p_rpm: 1000.0, p_h_mpa: 30.0, p_l_mpa: None, t_b_c: 60.0, alpha: 1.0 };
         let change = Change { displacement: 1.01, bulk: 0.9 };
         let first = Memory::new(7, Some(&path), || ()).unwrap();
         let a = first.over(&model).solve(&at, 0.05).unwrap();

@@ -4,7 +4,7 @@ use kou_estimator::{Calibration, Params, Reason};
 
 use super::joint::Solution;
 use super::law_fit::{LawFit, phi};
-use super::ratio_model::{At, Change};
+use super::ratio_model::{Change, OperatingPoint};
 use super::surrogate::Surrogate;
 use kou_records::BenchPoint;
 use kou_records::InputError;
@@ -131,7 +131,7 @@ pub fn demand_points(used: usize, refused: &[Refusal]) -> Result<(), InputError>
 /// Speed ratio by the calibrated law at a point, by the estimator's own code.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-pub fn ratio_by_law(params: &Params, at: &At, low_mpa: f64) -> f64 {
+pub fn ratio_by_law(params: &Params, at: &OperatingPoint, low_mpa: f64) -> f64 {
     use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
     let point = kou_estimator::model::flow_balance::OperatingPoint {
         pump_speed: RevPerMin(at.n_p_rpm as f32),

@@ -5,34 +5,26 @@
 //! it ([`Change`]). The reduced model also gives derivatives, in closed form or by differences; the full model never
 //! needs them (`docs/identification.md`).
 
-use kou_estimator::model::flow_balance::{OperatingPoint, ReducedConfig, ReducedModel};
+use kou_estimator::model::flow_balance::{OperatingPoint as EstimatorPoint, ReducedConfig, ReducedModel};
 use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPerMin};
 
 use crate::calibration::{oil_config, reduced_config};
+pub use kou_lumped::OperatingPoint;
 use kou_lumped::machine::Machine;
-use kou_lumped::{Held, Model, Operating, Settings, SimError, SteadyPoint};
+use kou_lumped::{Model, Settings, SimError, SteadyCase, SteadyPoint};
 use kou_records::BenchPoint;
 use kou_records::InputError;
 
-/// A steady operating point.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct At {
-    /// Pump speed.
-    pub n_p_rpm: f64,
-    /// High pressure, gauge.
-    pub p_h_mpa: f64,
-    /// Low pressure, gauge; nothing where it was not measured.
-    pub p_l_mpa: Option<f64>,
-    /// Oil temperature.
-    pub t_b_c: f64,
-    /// Displacement fraction.
-    pub alpha: f64,
-}
-
-impl From<&BenchPoint> for At {
-    fn from(p: &BenchPoint) -> Self {
-        Self { n_p_rpm: p.n_p_rpm, p_h_mpa: p.p_h_mpa, p_l_mpa: p.p_l_mpa, t_b_c: p.t_b_c, alpha: p.alpha }
+/// Operating point at which a bench point was measured.
+#[must_use]
+pub fn operating_point(p: &BenchPoint) -> OperatingPoint {
+    OperatingPoint {
+        n_p_rpm: p.n_p_rpm,
+        p_h_mpa: p.p_h_mpa,
+        p_l_mpa: p.p_l_mpa,
+        t_b_c: p.t_b_c,
+        alpha: p.alpha,
     }
 }
 
@@ -76,7 +68,7 @@ pub trait RatioModel: Sync {
     ///
     /// # Errors
     /// A point that the model does not reach.
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError>;
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError>;
 
     /// The same model of a changed machine. Changes do not add up: each is relative to the machine file.
     ///
@@ -113,19 +105,13 @@ fn plant_error(error: impl std::fmt::Display) -> InputError {
 }
 
 impl RatioModel for FullRatio {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
-        let operating = Operating {
-            n_p_rpm: at.n_p_rpm,
-            held: Held::HighPressureMpa(at.p_h_mpa),
-            t_b_c: at.t_b_c,
-            alpha: at.alpha,
-            kou_l_min_mpa: kou,
-        };
-        let point = match SteadyPoint::solve_with(&self.model, &operating, &self.settings) {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
+        let case = SteadyCase::at(at, kou);
+        let point = match SteadyPoint::solve_with(&self.model, &case, &self.settings) {
             // Near a slow beat of the two ripples the last digit takes many windows; one digit less is still enough.
             Err(SimError::NotSteady { .. }) => {
                 let coarse = Settings { tolerance: 4.0 * self.settings.tolerance, ..self.settings };
-                SteadyPoint::solve_with(&self.model, &operating, &coarse)
+                SteadyPoint::solve_with(&self.model, &case, &coarse)
             }
             other => other,
         }?;
@@ -189,8 +175,8 @@ impl ReducedRatio {
         Ok(Self { model, ..self.clone() })
     }
 
-    fn point(&self, at: &At) -> OperatingPoint {
-        OperatingPoint {
+    fn point(&self, at: &OperatingPoint) -> EstimatorPoint {
+        EstimatorPoint {
             pump_speed: RevPerMin(single(at.n_p_rpm)),
             high_pressure: Megapascal(single(at.p_h_mpa)),
             low_pressure: Megapascal(single(at.p_l_mpa.unwrap_or(self.file_low_mpa))),
@@ -201,25 +187,25 @@ impl ReducedRatio {
 
     /// Speed ratio.
     #[must_use]
-    pub fn ratio(&self, at: &At, kou: f64) -> f64 {
+    pub fn ratio(&self, at: &OperatingPoint, kou: f64) -> f64 {
         f64::from(self.model.balance(&self.point(at)).ratio(LeakageCoefficient(single(kou))).get())
     }
 
     /// Leakage coefficient that explains a ratio; negative above the leak-free ratio.
     #[must_use]
-    pub fn kou(&self, at: &At, ratio: f64) -> f64 {
+    pub fn kou(&self, at: &OperatingPoint, ratio: f64) -> f64 {
         f64::from(self.model.balance(&self.point(at)).kou(Ratio(single(ratio))).get())
     }
 
     /// `d|r|/dKou`, negative.
     #[must_use]
-    pub fn slope(&self, at: &At) -> f64 {
+    pub fn slope(&self, at: &OperatingPoint) -> f64 {
         -1.0 / f64::from(self.model.balance(&self.point(at)).kou_per_ratio())
     }
 }
 
 impl RatioModel for ReducedRatio {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         Ok(Solved { ratio: self.ratio(at, kou), p_l_mpa: at.p_l_mpa.unwrap_or(self.file_low_mpa) })
     }
 

@@ -6,7 +6,7 @@
 
 use kou_lumped::SimError;
 
-use super::ratio_model::{At, RatioModel};
+use super::ratio_model::{OperatingPoint, RatioModel};
 
 /// How to search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +93,7 @@ impl Bracket {
 /// A ratio that no leakage explains, too many calls, or a failure of the model.
 pub fn solve(
     model: &dyn RatioModel,
-    at: &At,
+    at: &OperatingPoint,
     ratio: f64,
     start: [f64; 2],
     how: &Secant,
@@ -143,7 +143,7 @@ mod tests {
     struct Curved;
 
     impl RatioModel for Curved {
-        fn solve(&self, _: &At, kou: f64) -> Result<Solved, SimError> {
+        fn solve(&self, _: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
             if kou > 0.5 {
                 return Err(SimError::Unreachable { wanted: String::new(), reason: String::new() });
             }
@@ -155,7 +155,8 @@ mod tests {
         }
     }
 
-    const AT: At = At { n_p_rpm: 1000.0, p_h_mpa: 30.0, p_l_mpa: None, t_b_c: 60.0, alpha: 1.0 };
+    const AT: OperatingPoint =
+        OperatingPoint { n_p_rpm: 1000.0, p_h_mpa: 30.0, p_l_mpa: None, t_b_c: 60.0, alpha: 1.0 };
 
     #[test]
     fn curved_model_is_solved_from_any_start_also_a_bad_one() {

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::envelope::Envelope;
-use super::ratio_model::{At, RatioModel, ReducedRatio};
+use super::ratio_model::{OperatingPoint, RatioModel, ReducedRatio};
 use crate::calibration::{oil_config, reduced_config};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
@@ -58,7 +58,7 @@ fn constants(k: &mut ReducedConfig) -> [(&mut f32, f32); 5] {
 pub fn fit(machine: &Machine, model: &dyn RatioModel, envelope: &Envelope) -> Result<Surrogate, InputError> {
     let theory = ReducedRatio::new(machine)?;
     let indices: Vec<u32> = (1..=POINTS).collect();
-    let solved: Vec<(At, f64, f64, f64)> = indices
+    let solved: Vec<(OperatingPoint, f64, f64, f64)> = indices
         .into_par_iter()
         .filter_map(|i| {
             let (at, kou) = envelope.point(i, &theory);

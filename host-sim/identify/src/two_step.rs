@@ -10,7 +10,7 @@ use super::law_fit::LawFit;
 use super::outcome::{
     Identification, PointResult, Refusal, demand_points, evaluate, ratio_by_law, ratio_error_mean_pct,
 };
-use super::ratio_model::{At, Change, RatioModel, ReducedRatio};
+use super::ratio_model::{Change, RatioModel, ReducedRatio, operating_point};
 use super::secant::{self, Found, NotFound, Secant};
 use crate::calibration::{Settings, assemble, reduced_config};
 use kou_lumped::machine::Machine;
@@ -33,7 +33,7 @@ pub fn identify(
 ) -> Result<Identification, InputError> {
     let reduced = ReducedRatio::new(machine)?;
     let solve = |point: &BenchPoint| -> Result<Found, NotFound> {
-        let at = At::from(point);
+        let at = operating_point(point);
         let inverse = reduced.kou(&at, point.ratio);
         match model {
             Some(model) => {
@@ -76,7 +76,7 @@ pub fn identify(
     let points: Vec<PointResult> = explained
         .into_iter()
         .map(|(point, found)| {
-            let at = At::from(&point);
+            let at = operating_point(&point);
             let kou_law = evaluate(&fit, &point);
             // What the law misses here, carried to the ratio by the reduced model's slope where a full model was used.
             let ratio_by_law = if model.is_some() {

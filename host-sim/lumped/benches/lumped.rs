@@ -14,7 +14,7 @@ use kou_lumped::machine::Machine;
 use kou_lumped::run::run;
 use kou_lumped::shaft::{Drive, Load};
 use kou_lumped::tableau::Method;
-use kou_lumped::{Held, Model, Operating, Plant, SteadyPoint};
+use kou_lumped::{LoadCondition, Model, Plant, SteadyCase, SteadyPoint};
 
 const RPM: f64 = 2000.0;
 
@@ -70,13 +70,13 @@ fn closed_loop(c: &mut Criterion) {
 fn steady_point(c: &mut Criterion) {
     let model = model();
     let mut group = c.benchmark_group("steady_point");
-    for (name, held, kou) in [
-        ("36.5 MPa, Kou 0.1", Held::HighPressureMpa(36.5), 0.1),
-        ("25 MPa, no leakage", Held::HighPressureMpa(25.0), 0.0),
-        ("10 MPa, slow beat", Held::HighPressureMpa(10.0), 0.01),
-        ("1671 N m, Kou 0.113", Held::LoadNm(1671.0), 0.113),
+    for (name, condition, kou) in [
+        ("36.5 MPa, Kou 0.1", LoadCondition::HighPressureMpa(36.5), 0.1),
+        ("25 MPa, no leakage", LoadCondition::HighPressureMpa(25.0), 0.0),
+        ("10 MPa, slow beat", LoadCondition::HighPressureMpa(10.0), 0.01),
+        ("1671 N m, Kou 0.113", LoadCondition::LoadNm(1671.0), 0.113),
     ] {
-        let operating = Operating { n_p_rpm: RPM, held, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou };
+        let operating = SteadyCase { n_p_rpm: RPM, condition, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou };
         group.bench_function(name, |b| b.iter(|| SteadyPoint::solve(&model, black_box(&operating))));
     }
     group.finish();

@@ -17,6 +17,7 @@ pub mod lanes;
 pub mod machine;
 pub mod observers;
 pub mod oil;
+pub mod operating_point;
 pub mod plant;
 pub mod run;
 pub mod shaft;
@@ -29,5 +30,6 @@ pub mod waveforms;
 
 pub use error::SimError;
 pub use input::{InvalidInput, Range, TomlFile};
+pub use operating_point::OperatingPoint;
 pub use plant::{Model, Plant};
-pub use steady::{Held, Operating, Settings, SteadyPoint};
+pub use steady::{LoadCondition, Settings, SteadyCase, SteadyPoint};

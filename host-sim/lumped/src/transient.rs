@@ -10,7 +10,7 @@ use super::observers::MassBalance;
 use super::plant::{A, Model};
 use super::run::run;
 use super::shaft::{Drive, Load};
-use super::steady::{Held, Operating, Settings, SteadyPoint};
+use super::steady::{LoadCondition, Settings, SteadyCase, SteadyPoint};
 
 /// Simulated times that make sense for a drive.
 pub const DURATION: Range = Range::new(0.01, 60.0, "s");
@@ -47,7 +47,7 @@ pub struct StepResponse {
 /// Values out of range, a load that the drive cannot turn, or a response that has not settled by the end.
 pub fn swash_step(
     model: &Model,
-    operating: &Operating,
+    operating: &SteadyCase,
     settings: &Settings,
     duration_s: f64,
 ) -> Result<StepResponse, SimError> {
@@ -55,7 +55,7 @@ pub fn swash_step(
         let error = InvalidInput::new("duration is out of range").with_value(duration_s);
         return Err(error.with_allowed(DURATION).into());
     }
-    let Held::LoadNm(load) = operating.held else {
+    let LoadCondition::LoadNm(load) = operating.condition else {
         return Err(InvalidInput::new("a step response needs a load, not a high pressure").into());
     };
     let steady = SteadyPoint::solve_with(model, operating, settings)?;

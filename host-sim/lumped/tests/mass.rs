@@ -12,7 +12,7 @@ use kou_lumped::observers::MassBalance;
 use kou_lumped::run::{Observer, run};
 use kou_lumped::shaft::{Drive, Load};
 use kou_lumped::tableau::Method;
-use kou_lumped::{Held, Model, Operating, SteadyPoint};
+use kou_lumped::{LoadCondition, Model, SteadyCase, SteadyPoint};
 
 const LIMIT: f64 = 1e-6;
 const REFERENCE: &str = include_str!("../../machines/reference.toml");
@@ -71,8 +71,8 @@ fn prop_mass_balances_at_steady_points_in_both_directions() {
         (-1.0, 2000.0, 30.0, 0.1),
         (0.3, 2000.0, 40.0, 0.05),
     ] {
-        let held = Held::HighPressureMpa(p);
-        let operating = Operating { n_p_rpm: n, held, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
+        let condition = LoadCondition::HighPressureMpa(p);
+        let operating = SteadyCase { n_p_rpm: n, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
         let point = SteadyPoint::solve(&model, &operating).unwrap();
         assert!(point.mass_balance_error <= LIMIT, "{alpha} {n} {p}: {}", point.mass_balance_error);
         assert!(point.ratio * alpha > 0.0);

@@ -11,7 +11,7 @@ use kou_lumped::observers::{Shape, Window};
 use kou_lumped::run::run;
 use kou_lumped::shaft::{Drive, Load};
 use kou_lumped::tableau::Method;
-use kou_lumped::{Held, Model, Operating, Plant, Settings, SteadyPoint};
+use kou_lumped::{LoadCondition, Model, Plant, Settings, SteadyCase, SteadyPoint};
 
 fn shipped(name: &str) -> Model {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines").join(name);
@@ -32,9 +32,9 @@ const ENVELOPE: [(f64, f64, f64, f64, f64); 10] = [
     (1500.0, 25.0, 0.05, -0.7, 60.0),
 ];
 
-fn operating(point: (f64, f64, f64, f64, f64)) -> Operating {
+fn operating(point: (f64, f64, f64, f64, f64)) -> SteadyCase {
     let (n_p_rpm, p, kou_l_min_mpa, alpha, t_b_c) = point;
-    Operating { n_p_rpm, held: Held::HighPressureMpa(p), t_b_c, alpha, kou_l_min_mpa }
+    SteadyCase { n_p_rpm, condition: LoadCondition::HighPressureMpa(p), t_b_c, alpha, kou_l_min_mpa }
 }
 
 /// 2e-5 of ratio is 0.06 % of Kou at 30 MPa, a fifth of the surrogate's budget.
@@ -90,7 +90,7 @@ fn val_long_transient_has_the_ratio_of_the_steady_search() {
         // The transient settles on the pressure that balances the load; that may differ a little from the search's.
         let high = if at.alpha > 0.0 { 0 } else { 1 };
         let p_mpa = (means.p_node_pa[high] - 101_325.0) * 1e-6;
-        let there = Operating { held: Held::HighPressureMpa(p_mpa), ..at };
+        let there = SteadyCase { condition: LoadCondition::HighPressureMpa(p_mpa), ..at };
         let found = SteadyPoint::solve_with(&model, &there, &settings).unwrap();
         let difference = (ratio - found.ratio).abs();
         assert!(difference <= 2e-5, "{name} {point:?}: {difference:.1e}, residual {:.1e}", found.residual);

@@ -14,7 +14,7 @@ use kou_lumped::machine::{Case, ChargeDrive, Machine, PlateGeometry, Unit};
 use kou_lumped::run::{Observer, run};
 use kou_lumped::shaft::{Drive, Load};
 use kou_lumped::tableau::Method;
-use kou_lumped::{Held, Model, Operating, SteadyPoint};
+use kou_lumped::{LoadCondition, Model, SteadyCase, SteadyPoint};
 
 /// Speed, pressure, Kou, displacement: across the envelope, both directions, partial displacement.
 const POINTS: [(f64, f64, f64, f64); 10] = [
@@ -282,8 +282,8 @@ fn columns(state: &State, chambers: usize) -> Vec<f64> {
 /// Ratio difference and worst waveform difference (fraction of peak to peak) of one point at a step.
 fn compare(model: &Model, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64) -> (f64, f64) {
     let (n_p_rpm, p, kou, alpha) = point;
-    let held = Held::HighPressureMpa(p);
-    let operating = Operating { n_p_rpm, held, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
+    let condition = LoadCondition::HighPressureMpa(p);
+    let operating = SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
     let steady = SteadyPoint::solve(model, &operating).unwrap();
     let plant = model.plant(60.0, kou).unwrap();
     let omega_p = n_p_rpm / 60.0 * TAU;

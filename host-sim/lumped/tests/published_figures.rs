@@ -5,23 +5,23 @@ use std::path::Path;
 use kou_lumped::machine::Machine;
 use kou_lumped::transient::{StepResponse, swash_step};
 use kou_lumped::waveforms::Recorder;
-use kou_lumped::{Held, Model, Operating, Settings, SteadyPoint, integrator::Integrator, run::run};
+use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint, integrator::Integrator, run::run};
 
 fn model() -> Model {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
     Model::new(&Machine::load(&path).unwrap()).unwrap()
 }
 
-fn point(held: Held, n_p_rpm: f64, kou: f64) -> Operating {
-    Operating { n_p_rpm, held, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou }
+fn point(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> SteadyCase {
+    SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou }
 }
 
 fn ratio(model: &Model, p_h_mpa: f64, kou: f64) -> f64 {
-    SteadyPoint::solve(model, &point(Held::HighPressureMpa(p_h_mpa), 2000.0, kou)).unwrap().ratio
+    SteadyPoint::solve(model, &point(LoadCondition::HighPressureMpa(p_h_mpa), 2000.0, kou)).unwrap().ratio
 }
 
 fn step(model: &Model, kou: f64) -> StepResponse {
-    swash_step(model, &point(Held::LoadNm(1671.0), 2000.0, kou), &Settings::default(), 2.0).unwrap()
+    swash_step(model, &point(LoadCondition::LoadNm(1671.0), 2000.0, kou), &Settings::default(), 2.0).unwrap()
 }
 
 /// 4 r/min is two thousandths of the ratio, the uncertainty of reading the published speeds and the load together.
@@ -29,7 +29,7 @@ fn step(model: &Model, kou: f64) -> StepResponse {
 fn val_paper_fig7_steady_speeds_without_and_with_leakage() {
     let model = model();
     let speed = |kou| {
-        let load = point(Held::LoadNm(1671.0), 2000.0, kou);
+        let load = point(LoadCondition::LoadNm(1671.0), 2000.0, kou);
         2000.0 * SteadyPoint::solve(&model, &load).unwrap().ratio
     };
     let (free, leaking) = (speed(0.0), speed(0.113));
@@ -80,7 +80,7 @@ fn val_paper_fig5_ripple_at_nine_times_pump_speed_and_larger_at_higher_pressure(
     let settings = Settings { step_deg: 0.25, ..Settings::default() };
     let mut sizes = Vec::new();
     for p in [20.0, 40.0] {
-        let operating = point(Held::HighPressureMpa(p), 1000.0, 0.058);
+        let operating = point(LoadCondition::HighPressureMpa(p), 1000.0, 0.058);
         let plant = model.plant(60.0, 0.058).unwrap();
         let (steady, mut state, inputs) =
             SteadyPoint::solve_state(&plant, &model, &operating, &settings).unwrap();

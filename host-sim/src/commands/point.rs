@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use kou_lumped::machine::Machine;
-use kou_lumped::{Held, Model, Operating, Settings, SimError};
+use kou_lumped::{LoadCondition, Model, Settings, SimError, SteadyCase};
 
 use super::Failure;
 
@@ -37,10 +37,10 @@ impl Point {
     }
 
     /// The operating point with what is held at the motor.
-    pub(super) fn operating(&self, held: Held) -> Operating {
-        Operating {
+    pub(super) fn operating(&self, condition: LoadCondition) -> SteadyCase {
+        SteadyCase {
             n_p_rpm: self.n_p_rpm,
-            held,
+            condition,
             t_b_c: self.t_b_c,
             alpha: self.alpha,
             kou_l_min_mpa: self.kou,

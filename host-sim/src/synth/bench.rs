@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use kou_identify::ratio_model::{At, RatioModel};
+use kou_identify::ratio_model::{OperatingPoint, RatioModel};
 use kou_lumped::machine::Machine;
 use kou_records::InputError;
 
@@ -64,7 +64,7 @@ pub fn write_bench(
         .map(|[n, p, t, alpha]| {
             let kou = kou_truth(machine, *n, *p, *t);
             let truly = if *alpha < 1.0 { alpha * (1.0 + SETTING_ERROR) } else { 1.0 };
-            let at = At { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: truly };
+            let at = OperatingPoint { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: truly };
             let solved =
                 model.solve(&at, kou).map_err(|e| InputError::new(format!("{n} r/min, {p} MPa: {e}")))?;
             Ok((solved.ratio, kou))

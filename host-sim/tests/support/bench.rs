@@ -3,7 +3,7 @@
 
 use host_sim::synth::{Gaps, PARTIAL};
 use kou_identify::calibration::{SensorClass, Settings};
-use kou_identify::ratio_model::{At, RatioModel};
+use kou_identify::ratio_model::{OperatingPoint, RatioModel};
 use kou_identify::{Identification, TERMS, normalised, phi};
 use kou_lumped::machine::Machine;
 use kou_records::BenchPoint;
@@ -47,7 +47,7 @@ pub fn points_of(gaps: &Gaps, machine: &Machine, model: &dyn RatioModel, partial
         .enumerate()
         .map(|(i, [n, p, t, alpha])| {
             let truly = if alpha < 1.0 { 1.004 * alpha } else { 1.0 };
-            let at = At { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: truly };
+            let at = OperatingPoint { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: truly };
             let ratio = model.solve(&at, gaps.kou(machine, n, p, t)).unwrap().ratio;
             BenchPoint { line: i as u64 + 2, n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha, ratio }
         })

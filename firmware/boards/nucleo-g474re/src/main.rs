@@ -9,7 +9,7 @@
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
 //! | [`watchdog`] | watchdog, reset cause, the note across a reset, panics and hard faults |
 //!
-//! The pins are in the README. `unsafe` stands where hardware needs it, each use with its reason.
+//! Pins and wiring: docs/nucleo.md. `unsafe` stands where hardware needs it, each use with its reason.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]

@@ -6,7 +6,7 @@ use super::error::{CalibrationError, consistent, in_range};
 use crate::model::leakage_law::LawConfig;
 use crate::units::{Celsius, Megapascal, Ratio, RevPerMin};
 
-/// How health is learned and judged, unchecked. `docs/health.md` derives what each number does.
+/// How health is learned and judged, unchecked. `docs/health/theory.md` derives what each number does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HealthConfig {

@@ -3,7 +3,7 @@
 //! Against "nothing changed" stands "the level has changed by twice what is worth a report", so that the sum rises only
 //! for changes above what is worth a report. A block's part is divided by the number of blocks that share one misfit, since
 //! only so many blocks are one decision. A sum of independent log-likelihood ratios reaches `h` by chance after `exp(h)`
-//! decisions at the earliest on average (Lorden 1971), so `h` follows from the stated run length. `docs/health.md`.
+//! decisions at the earliest on average (Lorden 1971), so `h` follows from the stated run length. `docs/health/theory.md`.
 
 use serde::{Deserialize, Serialize};
 

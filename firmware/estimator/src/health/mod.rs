@@ -16,7 +16,7 @@
 //!
 //! All of it is fixed in size, bounded in value, and the state can be saved and restored without changing a bit of what
 //! follows ([`crate::record::state`]). The work for a block is spread over the samples after it, one stage each, so that no
-//! sample pays for all of it (`stages`). `docs/health.md` states gate, recursion and thresholds, and what `host-sim evaluate`
+//! sample pays for all of it (`stages`). `docs/health/theory.md` states gate, recursion and thresholds, and what `host-sim evaluate`
 //! measured.
 
 mod averaging;

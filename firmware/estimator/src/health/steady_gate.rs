@@ -42,7 +42,7 @@ impl Closed {
     }
 }
 
-/// Deviations that change the balance by less than a per cent of Kou, see `docs/health.md`.
+/// Deviations that change the balance by less than a per cent of Kou, see `docs/health/theory.md`.
 const SPEED_FLOOR: f32 = 0.005;
 const PRESSURE_FLOOR_MPA: f32 = 0.4;
 const DISPLACEMENT_FLOOR: f32 = 0.003;

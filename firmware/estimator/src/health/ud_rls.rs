@@ -3,7 +3,7 @@
 //! The factorised form cannot lose symmetry or positive definiteness to rounding. Forgetting acts on the first parameter
 //! only: `U` is unit upper triangular, so its first column is the first unit vector and adding `q` to `D_1` adds `q` to
 //! the first variance and nothing else. What may change (the level) is forgotten, what is constant (an offset of a
-//! sensor) is not, and nothing is forgotten without a measurement that replaces it. Derived in `docs/health.md`.
+//! sensor) is not, and nothing is forgotten without a measurement that replaces it. Derived in `docs/health/theory.md`.
 
 use serde::{Deserialize, Serialize};
 

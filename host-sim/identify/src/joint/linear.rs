@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{At, Prior, Row};
+use super::{OperatingPoint, Prior, Row};
 use crate::discrepancy::{Basis, Discrepancy, Shape};
 use crate::ratio_model::{Change, ReducedRatio};
 use kou_records::InputError;
@@ -49,10 +49,10 @@ pub(super) fn setting_of(row: &Row, settings: &[f64]) -> Option<usize> {
     settings.iter().position(|s| (row.at.alpha.abs() - s).abs() < SAME_SETTING)
 }
 
-pub(super) fn settled(row: &Row, unknowns: &[f64], settings: &[f64]) -> At {
+pub(super) fn settled(row: &Row, unknowns: &[f64], settings: &[f64]) -> OperatingPoint {
     let first = unknowns.len() - settings.len();
     let factor = setting_of(row, settings).map_or(1.0, |i| 1.0 + unknowns[first + i]);
-    At { alpha: row.at.alpha * factor, ..row.at }
+    OperatingPoint { alpha: row.at.alpha * factor, ..row.at }
 }
 
 /// Partial displacement settings among the rows, ascending.
@@ -118,7 +118,7 @@ impl Problem<'_> {
             let central =
                 |pair: &[ReducedRatio; 2]| (pair[0].ratio(&at, kou) - pair[1].ratio(&at, kou)) / (2.0 * STEP);
             let per_mpa = {
-                let higher = At { p_h_mpa: at.p_h_mpa * (1.0 + STEP), ..at };
+                let higher = OperatingPoint { p_h_mpa: at.p_h_mpa * (1.0 + STEP), ..at };
                 (model.ratio(&higher, kou) - model.ratio(&at, kou)) / (at.p_h_mpa * STEP)
             };
             let functions = linear.discrepancy.at(&row.x, &row.phi, kou);
@@ -134,8 +134,8 @@ impl Problem<'_> {
             linear.jacobian[(i, d)] = central(&displaced) / sigma;
             linear.jacobian[(i, d + 1)] = central(&softened) / sigma;
             if let Some(setting) = setting_of(row, self.settings) {
-                let wider = At { alpha: at.alpha + row.at.alpha * STEP, ..at };
-                let narrower = At { alpha: at.alpha - row.at.alpha * STEP, ..at };
+                let wider = OperatingPoint { alpha: at.alpha + row.at.alpha * STEP, ..at };
+                let narrower = OperatingPoint { alpha: at.alpha - row.at.alpha * STEP, ..at };
                 let per = (model.ratio(&wider, kou) - model.ratio(&narrower, kou)) / (2.0 * STEP);
                 linear.jacobian[(i, d + 2 + setting)] = per / sigma;
             }

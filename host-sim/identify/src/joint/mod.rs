@@ -22,7 +22,7 @@ mod solution;
 mod stacked;
 
 use super::discrepancy::{Basis, Shape};
-use super::ratio_model::{At, ReducedRatio};
+use super::ratio_model::{OperatingPoint, ReducedRatio};
 use kou_records::InputError;
 use linear::{Problem, settings_of};
 use search::Fitted;
@@ -57,7 +57,7 @@ impl Default for Prior {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Where.
-    pub at: At,
+    pub at: OperatingPoint,
     /// Measured ratio.
     pub ratio: f64,
     /// Normalised speed, pressure and temperature.

@@ -8,7 +8,7 @@ use super::search::Fitted;
 use super::stacked::Step;
 use super::{Prior, Row};
 use crate::discrepancy::{Basis, Discrepancy, Shape};
-use crate::ratio_model::{At, Change, ReducedRatio};
+use crate::ratio_model::{Change, OperatingPoint, ReducedRatio};
 use kou_records::InputError;
 
 /// The solution.
@@ -53,7 +53,7 @@ impl Solution {
 
     /// The row's point with its displacement as identified.
     #[must_use]
-    pub fn at(&self, row: &Row) -> At {
+    pub fn at(&self, row: &Row) -> OperatingPoint {
         settled(row, &self.unknowns, &self.settings)
     }
 }

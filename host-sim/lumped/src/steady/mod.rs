@@ -3,6 +3,7 @@
 //! Here is what is asked and what is answered; `search` corrects the ratio until the high line neither fills nor
 //! empties, `runs` averages over the relative positions of the two shafts. docs/full-model/steady.md derives both.
 
+mod case;
 mod runs;
 mod search;
 
@@ -13,6 +14,7 @@ use super::integrator::{Inputs, State};
 use super::plant::{Model, Plant};
 use super::tableau::Method;
 
+pub use case::{LoadCondition, SteadyCase};
 use search::Search;
 
 /// Pump speeds for which the model is meant.
@@ -26,30 +28,6 @@ pub const STEP: Range = Range::new(0.001, 4.0, "deg");
 
 /// Windows of the members after which the search gives up.
 const MAX_WINDOWS: u32 = 10;
-
-/// What is held at the motor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Held {
-    /// Mean gauge pressure of the high line, as a bench's load machine holds it.
-    HighPressureMpa(f64),
-    /// Resistive torque on the motor's shaft.
-    LoadNm(f64),
-}
-
-/// One steady operating point.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Operating {
-    /// Pump speed.
-    pub n_p_rpm: f64,
-    /// High pressure or load.
-    pub held: Held,
-    /// Oil temperature.
-    pub t_b_c: f64,
-    /// Displacement fraction.
-    pub alpha: f64,
-    /// Leakage coefficient of one chamber.
-    pub kou_l_min_mpa: f64,
-}
 
 /// How finely to compute.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,7 +83,7 @@ impl SteadyPoint {
     ///
     /// # Errors
     /// Values out of range, a pressure or load that does not exist, or no convergence.
-    pub fn solve(model: &Model, operating: &Operating) -> Result<Self, SimError> {
+    pub fn solve(model: &Model, operating: &SteadyCase) -> Result<Self, SimError> {
         Self::solve_with(model, operating, &Settings::default())
     }
 
@@ -113,7 +91,7 @@ impl SteadyPoint {
     ///
     /// # Errors
     /// As [`SteadyPoint::solve`].
-    pub fn solve_with(model: &Model, operating: &Operating, settings: &Settings) -> Result<Self, SimError> {
+    pub fn solve_with(model: &Model, operating: &SteadyCase, settings: &Settings) -> Result<Self, SimError> {
         check(model, operating, settings)?;
         let plant = model.plant(operating.t_b_c, operating.kou_l_min_mpa)?;
         Search::new(&plant, operating, settings)?.solve().map(|(point, _)| point)
@@ -126,7 +104,7 @@ impl SteadyPoint {
     pub fn solve_state(
         plant: &Plant,
         model: &Model,
-        operating: &Operating,
+        operating: &SteadyCase,
         settings: &Settings,
     ) -> Result<(Self, State, Inputs), SimError> {
         check(model, operating, settings)?;
@@ -137,7 +115,7 @@ impl SteadyPoint {
 }
 
 /// Checks an operating point against the ranges of the model and the machine.
-fn check(model: &Model, operating: &Operating, settings: &Settings) -> Result<(), SimError> {
+fn check(model: &Model, operating: &SteadyCase, settings: &Settings) -> Result<(), SimError> {
     let low = model.machine().circuit().low_pressure_mpa;
     let range = |what: &str, value: f64, range: Range| -> Result<(), SimError> {
         if range.contains(value) {
@@ -152,10 +130,10 @@ fn check(model: &Model, operating: &Operating, settings: &Settings) -> Result<()
     range("tolerance of the ratio", settings.tolerance, Range::new(1.0e-9, 1.0e-2, ""))?;
     range("number of shaft positions", settings.members.map_or(1.0, f64::from), Range::new(1.0, 64.0, ""))?;
     range("number of windows", f64::from(settings.windows), Range::new(1.0, f64::from(MAX_WINDOWS), ""))?;
-    match operating.held {
-        Held::HighPressureMpa(p) => {
+    match operating.condition {
+        LoadCondition::HighPressureMpa(p) => {
             range("high pressure", p, Range::new(HIGH_PRESSURE.min.max(low + 1.0), HIGH_PRESSURE.max, "MPa"))
         }
-        Held::LoadNm(load) => range("load", load, LOAD),
+        LoadCondition::LoadNm(load) => range("load", load, LOAD),
     }
 }

@@ -24,7 +24,7 @@ use crate::plant::{A, B, Plant};
 use crate::shaft::{Drive, Load};
 
 use super::runs::{Pace, Runs, Seen, Setting, high_volume_m3};
-use super::{Held, MAX_WINDOWS, Operating, Settings, SteadyPoint};
+use super::{LoadCondition, MAX_WINDOWS, Settings, SteadyCase, SteadyPoint};
 
 /// Fraction of a correction that may be left of the error: about the largest seen over the envelope. Corrections larger than
 /// the tolerance over this tell where to go, and do not enter the mean.
@@ -42,7 +42,7 @@ const LEAKING: f64 = 0.96;
 /// A search under way.
 pub struct Search<'a> {
     plant: &'a Plant,
-    operating: Operating,
+    operating: SteadyCase,
     settings: Settings,
     omega_p: f64,
     /// Line that is high, and the other.
@@ -58,12 +58,14 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// When compression and leakage take the pump's whole flow.
-    pub fn new(plant: &'a Plant, operating: &Operating, settings: &Settings) -> Result<Self, SimError> {
+    pub fn new(plant: &'a Plant, operating: &SteadyCase, settings: &Settings) -> Result<Self, SimError> {
         let omega_p = operating.n_p_rpm / 60.0 * TAU;
         let forward = operating.alpha > 0.0;
-        let target_pa = match operating.held {
-            Held::HighPressureMpa(p) => p * 1.0e6 + ATMOSPHERE_PA,
-            Held::LoadNm(load) => plant.low_pa + plant.needed_torque(load, omega_p) / plant.motor_m3_per_rad,
+        let target_pa = match operating.condition {
+            LoadCondition::HighPressureMpa(p) => p * 1.0e6 + ATMOSPHERE_PA,
+            LoadCondition::LoadNm(load) => {
+                plant.low_pa + plant.needed_torque(load, omega_p) / plant.motor_m3_per_rad
+            }
         };
         let mut search = Self {
             plant,
@@ -105,9 +107,9 @@ impl<'a> Search<'a> {
         if self.ratio * self.operating.alpha.signum() > 1.0e-3 {
             return Ok(());
         }
-        let wanted = match self.operating.held {
-            Held::HighPressureMpa(p) => format!("high pressure of {p} MPa"),
-            Held::LoadNm(load) => format!("load of {load} N m"),
+        let wanted = match self.operating.condition {
+            LoadCondition::HighPressureMpa(p) => format!("high pressure of {p} MPa"),
+            LoadCondition::LoadNm(load) => format!("load of {load} N m"),
         };
         let reason = format!(
             "at {} r/min, displacement {} and Kou {} (L/min)/MPa compression and leakage take the pump's whole flow",
@@ -174,7 +176,7 @@ impl<'a> Search<'a> {
         // Oil that the motor takes per radian: what it displaces, at the line's density.
         let mu = plant.motor_m3_per_rad * plant.oil.density_at(mean_pa);
         let sign = self.operating.alpha.signum();
-        if let Held::LoadNm(load) = self.operating.held {
+        if let LoadCondition::LoadNm(load) = self.operating.condition {
             let lacking = plant.needed_torque(load, self.ratio * self.omega_p) - sign * means.torque_m_nm;
             self.target_pa = mean_pa + lacking / plant.motor_m3_per_rad;
         }

@@ -33,7 +33,7 @@ pub(super) struct Alarms {
     pub(super) hours: f64,
 }
 
-/// Sum of log-likelihood ratios at which a step is reported, by the derivation in `docs/health.md`.
+/// Sum of log-likelihood ratios at which a step is reported, by the derivation in `docs/health/theory.md`.
 pub(super) fn threshold(health: &HealthConfig) -> f64 {
     let f = f64::from;
     let decision_h = f64::from(health.block_us) / 3.6e9 * f(health.misfit_blocks);

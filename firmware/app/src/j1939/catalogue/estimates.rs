@@ -237,7 +237,7 @@ pub const CAUSES: Signal = plain(
     "Causes",
     48,
     16,
-    "Causes that remain for the last change, one bit each in the order of docs/health.md, lowest first",
+    "Causes that remain for the last change, one bit each in the order of docs/health/theory.md, lowest first",
 );
 /// State of the controller.
 pub const STATUS: Message = Message {
