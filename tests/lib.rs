@@ -1,6 +1,6 @@
-//! Helpers of the end-to-end tests: a calibration to test with, its record, and samples to run through it.
+//! Helpers of the end-to-end tests: reference calibration, its record, samples, update keys and flash.
 //!
-//! A test that needs the firmware or QEMU fails where they are missing: a skipped test would look like a passed one.
+//! A test that needs firmware or QEMU fails where they are missing; a skipped test would look like a passed one.
 
 pub mod samples;
 
@@ -18,6 +18,10 @@ use kou_estimator::units::{
 use kou_estimator::{Calibration, Params};
 
 use host_sim::pil::{PilError, PilOptions};
+use kou_app::storage::MIN_BYTES;
+use kou_app::update::{Key, KeySource};
+use kou_emulation::RamFlash;
+use samples::SplitMix64;
 
 /// Text from a literal that is known to fit.
 fn text<const N: usize>(literal: &str) -> heapless::String<N> {
@@ -130,7 +134,35 @@ pub fn reference_params() -> Params {
     Params::new(&reference_calibration()).expect("the reference calibration passes every check")
 }
 
-/// The value of a run through QEMU, or a failure that tells how to set the tests up.
+/// Flash of the smallest region allowed, as on the STM32G474 in dual-bank mode: eight pages of 2 KiB, words of 8 bytes.
+pub type TestFlash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+
+/// An update key made for the test that uses it.
+#[derive(Debug, Clone)]
+pub struct TestKey(Key);
+
+impl TestKey {
+    /// The key of a seed.
+    #[must_use]
+    pub fn from_seed(seed: u64) -> Self {
+        let mut random = SplitMix64(seed);
+        Self(Key::new(std::array::from_fn(|_| random.next_u64() as u8)))
+    }
+
+    /// The key itself.
+    #[must_use]
+    pub fn key(&self) -> &Key {
+        &self.0
+    }
+}
+
+impl KeySource for TestKey {
+    fn update_key(&self) -> Option<Key> {
+        Some(self.0.clone())
+    }
+}
+
+/// The value of a run through QEMU; a panic with the set-up command where QEMU or firmware is missing.
 #[track_caller]
 pub fn set_up<T>(result: Result<T, PilError>) -> T {
     match result {
@@ -142,7 +174,7 @@ pub fn set_up<T>(result: Result<T, PilError>) -> T {
     }
 }
 
-/// Options for the tests: those that `host-sim` has by default.
+/// Options of the tests: the defaults of `host-sim`.
 #[must_use]
 pub fn pil_options() -> PilOptions {
     PilOptions::default()

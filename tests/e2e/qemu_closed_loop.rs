@@ -38,7 +38,7 @@ const VEHICLE: SensorErrors = SensorErrors {
 /// The calibration, identified once for all tests.
 fn calibration() -> &'static Calibration {
     #[derive(Parser)]
-    struct Identify {
+    struct IdentifyCommand {
         #[command(flatten)]
         args: identify::Args,
     }
@@ -48,9 +48,9 @@ fn calibration() -> &'static Calibration {
         let out = folder.path().join("calibration.toml");
         let (bench, machine) =
             (root().join("tests/data/bench_45.csv"), root().join("host-sim/machines/reference.toml"));
-        let words = ["identify".into(), "--bench".into(), bench, "--machine".into(), machine];
-        let more = ["--model".into(), "full".into(), "--out".into(), out.clone()];
-        let line = Identify::parse_from(words.into_iter().chain(more).map(PathBuf::into_os_string));
+        let input = ["identify".into(), "--bench".into(), bench, "--machine".into(), machine];
+        let output = ["--model".into(), "full".into(), "--out".into(), out.clone()];
+        let line = IdentifyCommand::parse_from(input.into_iter().chain(output).map(PathBuf::into_os_string));
         identify::run(&line.args).expect("the shipped points are identified");
         let mut calibration = calibration::read_checked(&out).expect("what was written is read").0;
         calibration.sensor_errors = VEHICLE;

@@ -1,8 +1,8 @@
-//! The controller's tasks through simulated time on the host: nothing leaks, nothing is missed, however long it runs.
+//! The controller's tasks in simulated time on the host: no deadline missed and no resource leaked over a week.
 //!
-//! The clock is the test's own. A minute of drive is made once by the parts of the closed loop, and repeated; the stamps of
-//! its edges go on. An hour runs with every test run; the week, 604.8 million milliseconds and 60 million estimates, is
-//! marked to be ignored: `cargo test --release -p kou-tests --test virtual_week -- --ignored --nocapture`.
+//! The test drives the clock. A minute of driving is simulated once by the parts of the closed loop and repeated, with continuing
+//! edge time stamps. An hour runs with every test run; the week, 604.8 million milliseconds and 60 million estimates, is
+//! marked `#[ignore]`: `cargo test --release -p kou-tests --test virtual_week -- --ignored --nocapture`.
 
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -88,13 +88,14 @@ fn minute() -> Vec<Inputs> {
         .collect()
 }
 
-struct Replay<'a> {
+/// Front end that repeats a minute of inputs.
+struct MinuteReplay<'a> {
     minute: &'a [Inputs],
     at: usize,
     offset: u32,
 }
 
-impl FrontEnd for Replay<'_> {
+impl FrontEnd for MinuteReplay<'_> {
     async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
         let now = &self.minute[self.at];
         into.analog = now.analog;
@@ -113,8 +114,9 @@ impl FrontEnd for Replay<'_> {
     }
 }
 
+/// Counts of estimates, and calls of the watchdog.
 #[derive(Default)]
-struct Seen {
+struct EstimateCounts {
     valid: Cell<u64>,
     invalid: Cell<u64>,
     none: Cell<u64>,
@@ -126,10 +128,10 @@ fn raise(count: &Cell<u64>) {
     count.set(count.get() + 1);
 }
 
-/// A bus with nobody on it: what is sent is gone.
-struct Nobody;
+/// A bus without other nodes.
+struct EmptyBus;
 
-impl CanPort for Nobody {
+impl CanPort for EmptyBus {
     fn receive(&mut self) -> Option<Frame> {
         None
     }
@@ -139,12 +141,13 @@ impl CanPort for Nobody {
     }
 }
 
-struct Told<'a> {
-    seen: &'a Seen,
-    bus: Bus<'a, Nobody, NoopRawMutex>,
+/// Publisher that counts estimates before it sends them.
+struct CountingPublisher<'a> {
+    counts: &'a EstimateCounts,
+    bus: Bus<'a, EmptyBus, NoopRawMutex>,
 }
 
-impl Publish for Told<'_> {
+impl Publish for CountingPublisher<'_> {
     async fn publish(
         &mut self,
         now: Micros,
@@ -152,15 +155,15 @@ impl Publish for Told<'_> {
         sample: Option<&Sample>,
     ) {
         match estimate {
-            Ok(estimate) if estimate.seen.is_ok() => raise(&self.seen.valid),
-            Ok(_) => raise(&self.seen.invalid),
-            Err(_) => raise(&self.seen.none),
+            Ok(estimate) if estimate.seen.is_ok() => raise(&self.counts.valid),
+            Ok(_) => raise(&self.counts.invalid),
+            Err(_) => raise(&self.counts.none),
         }
         self.bus.publish(now, estimate, sample).await;
     }
 }
 
-impl Watchdog for &Seen {
+impl Watchdog for &EstimateCounts {
     fn feed(&mut self) {
         raise(&self.fed);
     }
@@ -181,22 +184,28 @@ fn drive(minutes: u64) {
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
     let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
     let begin = Begin { cause: ResetCause::PowerOn, note: None };
-    let mut keeper =
+    let mut storage_task =
         StorageTask::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
-    let seen = Seen::default();
+    let counts = EstimateCounts::default();
     let start = Instant::now();
-    let (c, params, s, minute, k) = (&controller, &params, &seen, minute.as_slice(), &mut keeper);
+    let (c, params, s, minute, k) = (&controller, &params, &counts, minute.as_slice(), &mut storage_task);
     let mut tasks: [Pin<Box<dyn Future<Output = ()> + '_>>; 5] = [
         Box::pin(async move {
-            run_sample(c, start, params, &mut Replay { minute, at: 0, offset: 0 }, &mut SensorsMemory::new())
-                .await;
+            run_sample(
+                c,
+                start,
+                params,
+                &mut MinuteReplay { minute, at: 0, offset: 0 },
+                &mut SensorsMemory::new(),
+            )
+            .await;
         }),
         Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
         Box::pin(async move {
             let name = Name::new(&NameConfig::transmission(1)).expect("the name is sound");
-            let bus = Bus::new(Nobody, Node::new(name, 0x8C), c);
-            run_publish(c, start, &mut Told { seen: s, bus }).await;
+            let bus = Bus::new(EmptyBus, Node::new(name, 0x8C), c);
+            run_publish(c, start, &mut CountingPublisher { counts: s, bus }).await;
         }),
         Box::pin(async move { run_storage(c, start, k).await }),
         Box::pin(async move { run_supervise(c, start, &mut &*s).await }),
@@ -220,26 +229,26 @@ fn drive(minutes: u64) {
     for vital in vitals {
         assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0), "{vital:?}");
     }
-    let (valid, invalid, none) = (seen.valid.get(), seen.invalid.get(), seen.none.get());
+    let (valid, invalid, none) = (counts.valid.get(), counts.invalid.get(), counts.none.get());
     println!("{milliseconds} ms: {valid} estimates valid, {invalid} with a reason, {none} none");
     assert_eq!(valid + invalid + none, milliseconds / 10);
-    assert_eq!(seen.fed.get(), milliseconds / 50);
-    assert!(seen.given_up.borrow().is_empty());
-    // Each minute is like the first: some 48 s of it are driven with every sensor whole, the rest has its reason.
+    assert_eq!(counts.fed.get(), milliseconds / 50);
+    assert!(counts.given_up.borrow().is_empty());
+    // Each minute is like the first: some 48 s of it are driven with every sensor in order, the rest has its reason.
     assert!(valid > milliseconds / 10 * 7 / 10 && invalid > milliseconds / 10 / 20, "{valid} {invalid}");
     assert!(none <= 2, "{none}");
     assert_eq!((Instant::now() - start).as_millis(), milliseconds);
     drop(tasks);
-    kept(&mut keeper, &controller, minutes);
+    check_flash(&mut storage_task, &controller, minutes);
 }
 
-/// What is in flash at the end, and what writing it has cost.
-fn kept(
-    keeper: &mut StorageTask<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
+/// Checks the records in flash and the wear of the flash.
+fn check_flash(
+    storage_task: &mut StorageTask<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
     controller: &Controller<NoopRawMutex>,
     minutes: u64,
 ) {
-    let store = keeper.service().store();
+    let store = storage_task.service().store();
     let (life, health, faults) = block_on(async {
         let life = store.read::<Life>().await.expect("readable").expect("written");
         let health = store.read::<HealthRecord>().await.expect("readable").expect("written");
@@ -250,7 +259,7 @@ fn kept(
     assert!(life.operating_s <= seconds && life.operating_s + 610 > seconds, "{life:?}");
     assert_eq!((life.starts, life.unasked), (1, 0));
     assert!(health.state.is_sound());
-    // The oil sensor fails in every minute; what is in flash is at most the ration's ten minutes behind.
+    // The oil sensor fails in every minute; what is in flash is at most the schedule's ten minutes behind.
     let oil =
         |memory: &FaultMemory| memory.entries().iter().map(|entry| entry.occurrences).max().unwrap_or(0);
     let now = controller.faults(|memory| oil(memory));
@@ -271,9 +280,9 @@ fn an_hour_of_drive_in_virtual_time_misses_nothing() {
     drive(60);
 }
 
-/// As much of the week as there is time for.
+/// A seventh of the week, for shorter runs.
 #[test]
-#[ignore = "part of the week, for machines in a hurry"]
+#[ignore = "a day of drive in virtual time takes a minute; see the head of this file"]
 fn a_day_of_drive_in_virtual_time_misses_nothing() {
     drive(24 * 60);
 }

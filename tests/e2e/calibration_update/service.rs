@@ -1,4 +1,4 @@
-//! Store and session with one owner.
+//! Update service: owner of store and session.
 
 use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{Handled, Service};
@@ -10,12 +10,12 @@ use kou_tests::reference_params;
 use super::*;
 
 #[test]
-fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
-    let key = TestKey::new(1);
+fn the_service_adopts_an_update_and_reads_back_the_stored_records() {
+    let key = TestKey::from_seed(1);
     let default = record_of(&with_serial(reference_calibration(), ""));
-    let mut store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+    let mut store = Store::new(TestFlash::new(), 0..MIN_BYTES).unwrap();
     let mut session = Session::new();
-    let mut service = Service::new(&mut store, &mut session, TestKey::new(1), Some(&default));
+    let mut service = Service::new(&mut store, &mut session, TestKey::from_seed(1), Some(&default));
     let mut place = None;
     let opened = block_on(service.open(&mut place));
     assert_eq!(
@@ -35,17 +35,17 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
         }
         (last, place)
     };
-    let (refused, place) = send(&mut service, 1, &TestKey::new(2), false);
-    assert_eq!(refused.trouble, Some(Code::UpdateRefused(RejectReason::Mac)));
-    assert!(refused.adopted.is_none() && place.is_none());
+    let (rejected, place) = send(&mut service, 1, &TestKey::from_seed(2), false);
+    assert_eq!(rejected.trouble, Some(Code::UpdateRefused(RejectReason::Mac)));
+    assert!(rejected.adopted.is_none() && place.is_none());
     assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(Code::UpdateRefused(RejectReason::Loaded)));
-    let (taken, place) = send(&mut service, 1, &key, false);
+    let (accepted, place) = send(&mut service, 1, &key, false);
     let crc = record::crc32(&record[..record.len() - 4]);
-    assert_eq!(taken.answer, Some((TOOL, Answer::Committed { crc })));
-    assert_eq!(taken.adopted.map(|state| state.crc), Some(crc));
+    assert_eq!(accepted.answer, Some((TOOL, Answer::Committed { crc })));
+    assert_eq!(accepted.adopted.map(|state| state.crc), Some(crc));
     assert_eq!(place, Some(Params::new(&changed(0.001)).unwrap()));
-    let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
-    assert_eq!(kept, Some(UpdateCounter { counter: 1 }));
+    let stored = block_on(service.store().read::<UpdateCounter>()).unwrap();
+    assert_eq!(stored, Some(UpdateCounter { counter: 1 }));
     assert_eq!(
         send(&mut service, 1, &key, false).0.trouble,
         Some(Code::UpdateRefused(RejectReason::OldCounter))
@@ -62,8 +62,8 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     block_on(service.keep(&health)).unwrap();
     assert!(matches!(read(&mut service, 2), Answer::ToBeRead { what: 2, .. }));
     assert!(matches!(read(&mut service, 3), Answer::Refused { why: RejectReason::NothingStored, .. }));
-    assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a tool that stops reading has read enough");
-    // A flash that fails in the middle: refused, nothing given out, nothing more taken until a restart.
+    assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a read-back may stop at any segment");
+    // A flash that fails during the write: rejected, nothing adopted, further updates rejected until a restart.
     service.store().flash().cut_after(300, Torn::Clean);
     let (failed, place) = send(&mut service, 2, &key, false);
     assert_eq!(failed.trouble, Some(Code::UpdateRefused(RejectReason::Storage)));
@@ -76,14 +76,14 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
 }
 
 #[test]
-fn a_counter_record_that_lags_behind_is_put_right_at_the_next_start() {
-    let mut store = Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
+fn an_outdated_counter_record_is_corrected_at_the_next_start() {
+    let mut store = Store::new(TestFlash::new(), 0..MIN_BYTES).unwrap();
     let record = record_of(&changed(0.001));
     block_on(store.write(&StoredCalibration { counter: 7, record: &record })).unwrap();
     block_on(store.write(&UpdateCounter { counter: 6 })).unwrap();
     let mut session = Session::new();
-    let mut service = Service::new(&mut store, &mut session, TestKey::new(1), None);
+    let mut service = Service::new(&mut store, &mut session, TestKey::from_seed(1), None);
     block_on(service.open(&mut None::<Params>));
-    let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
-    assert_eq!(kept, Some(UpdateCounter { counter: 7 }));
+    let stored = block_on(service.store().read::<UpdateCounter>()).unwrap();
+    assert_eq!(stored, Some(UpdateCounter { counter: 7 }));
 }
