@@ -18,6 +18,8 @@ pub struct Package {
     pub name: String,
     /// The folder of its manifest.
     pub folder: PathBuf,
+    /// It has a library.
+    pub is_library: bool,
 }
 
 /// What cargo knows of the workspace.
@@ -43,7 +45,10 @@ impl Workspace {
         for package in metadata["packages"].as_array().into_iter().flatten() {
             let manifest = PathBuf::from(field(package, "manifest_path")?);
             let folder = manifest.parent().unwrap_or(root()).to_owned();
-            packages.push(Package { name: field(package, "name")?, folder });
+            let targets = package["targets"].as_array().into_iter().flatten();
+            let is_library =
+                targets.flat_map(|target| target["kind"].as_array()).flatten().any(|kind| *kind == "lib");
+            packages.push(Package { name: field(package, "name")?, folder, is_library });
         }
         Ok(Self { target_dir: field(&metadata, "target_directory")?.into(), packages })
     }
@@ -61,9 +66,14 @@ impl Workspace {
         self.below("firmware").filter(move |package| !is_program(package))
     }
 
-    /// Packages that compile for the target only.
+    /// The programs that check the estimator on the target.
+    pub fn target_checks(&self) -> impl Iterator<Item = &Package> {
+        self.below("firmware/checks").filter(|package| !package.is_library)
+    }
+
+    /// Programs that compile for the target only.
     fn programs_of_target(&self) -> impl Iterator<Item = &Package> {
-        self.below("firmware/boards").chain(self.below("firmware/checks"))
+        self.below("firmware/boards").chain(self.target_checks())
     }
 
     /// `--workspace` without the packages that compile for the target only.

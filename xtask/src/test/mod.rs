@@ -101,7 +101,7 @@ fn build_firmware(workspace: &Workspace, args: &[&str]) -> Result<()> {
 fn lint_firmware(workspace: &Workspace) -> Result<()> {
     let deny = ["--", "-D", "warnings"];
     let clippy = on_target(&["clippy", "--release", "--target", TARGET]);
-    let packages = workspace.firmware_libraries().chain(workspace.below("firmware/checks"));
+    let packages = workspace.firmware_libraries().chain(workspace.target_checks());
     selecting(clippy, packages).args(deny).check()?;
     for board in workspace.below("firmware/boards") {
         on_board(board, &["clippy", "--release"]).args(deny).check()?;
