@@ -155,7 +155,7 @@ impl Publish for CountingPublisher<'_> {
         sample: Option<&Sample>,
     ) {
         match estimate {
-            Ok(estimate) if estimate.seen.is_ok() => raise(&self.counts.valid),
+            Ok(estimate) if estimate.observed.is_ok() => raise(&self.counts.valid),
             Ok(_) => raise(&self.counts.invalid),
             Err(_) => raise(&self.counts.none),
         }
