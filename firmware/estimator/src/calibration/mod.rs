@@ -9,6 +9,8 @@ pub(crate) mod error;
 mod health;
 pub(crate) mod validate;
 
-pub use configuration::{Calibration, Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+pub use configuration::{
+    Calibration, Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
+};
 pub use error::{CalibrationError, Problem};
 pub use health::HealthConfig;
