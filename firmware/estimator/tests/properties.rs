@@ -159,7 +159,7 @@ fn numbers(estimate: &Estimate) -> Vec<f32> {
             e.leakage.get(),
         ]);
     }
-    if let Ok(s) = estimate.seen {
+    if let Ok(s) = estimate.observed {
         all.extend([
             s.kou.get(),
             s.kou_se.get(),
@@ -186,8 +186,8 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
         for number in numbers(&estimate) {
             assert!(number.is_finite(), "{sample:?} -> {estimate:?}");
         }
-        both += u32::from(estimate.expected.is_ok() && estimate.seen.is_ok());
-        if let Err(reason) = estimate.seen {
+        both += u32::from(estimate.expected.is_ok() && estimate.observed.is_ok());
+        if let Err(reason) = estimate.observed {
             *refused.entry(format!("{reason:?}")).or_insert(0_u32) += 1;
         }
     }
@@ -302,7 +302,7 @@ fn each_reading_that_fails_gives_its_own_reason_and_recovers() {
         // Without the motor's speed the law still speaks.
         let estimate = run(&|s| s.motor_speed.value = Err(fault));
         assert!(estimate.expected.is_ok());
-        assert_eq!(estimate.seen, Err(Reason::Sensor(Channel::MotorSpeed, fault)));
+        assert_eq!(estimate.observed, Err(Reason::Sensor(Channel::MotorSpeed, fault)));
         assert!(run(&|_| ()).wear_ratio().is_ok());
     }
     type Change<'a> = &'a dyn Fn(&mut Sample);

@@ -38,7 +38,7 @@ fn lost_fraction_agrees_with_quadrature_of_the_published_bulk_modulus() {
                 // The f64 reference must see the very pressures that f32 holds.
                 let (low, high) = (low as f32, high as f32);
                 let exact = oil.lost_fraction(f64::from(low), f64::from(high));
-                let got = model.compression().lost_fraction(
+                let got = model.compression().compression_loss(
                     Megapascal(low).to_absolute(),
                     Megapascal(high).to_absolute(),
                     Celsius(60.0),
@@ -138,7 +138,7 @@ fn softening_with_temperature_scales_the_oils_share_only() {
     oil.bulk_modulus_per_k = -0.005;
     let soft = ReducedModel::new(&common::calibration().reduced, &oil).unwrap();
     let (low, high) = (Megapascal(1.5).to_absolute(), Megapascal(50.0).to_absolute());
-    let got = f64::from(soft.compression().lost_fraction(low, high, Celsius(90.0)).to_owned());
+    let got = f64::from(soft.compression().compression_loss(low, high, Celsius(90.0)).to_owned());
     // Air's share ln((1+u_L)/(1+u_H)) is untouched; the oil's is divided by 1 - 0.005*30 = 0.85.
     let u = |p: f64| 0.002 * (0.101_325 / (p + 0.101_325)).powf(1.0 / 1.4);
     let air = ((1.0 + u(1.5)) / (1.0 + u(50.0))).ln();
