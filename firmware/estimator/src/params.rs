@@ -13,14 +13,14 @@ use crate::units::Megapascal;
 /// Checked parameters of one machine. Immutable; may be exchanged between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
-    pub(crate) model: CalibratedModel,
+    /// Equations of the machine and parameters of health monitoring.
+    pub(crate) context: HealthContext,
     pub(crate) region: RegionConfig,
     pub(crate) errors: SensorErrors,
     pub(crate) ranges: SensorRanges,
     pub(crate) limits: Limits,
     pub(crate) output: OutputSensor,
     pub(crate) low_pressure: Megapascal,
-    pub(crate) health: HealthParams,
 }
 
 impl Params {
@@ -30,7 +30,7 @@ impl Params {
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
         let mut params = Self::from_checked(calibration, checked_health(calibration)?);
-        params.model.reduced.tabulate(&calibration.oil);
+        params.context.model.reduced.tabulate(&calibration.oil);
         Ok(params)
     }
 
@@ -42,7 +42,7 @@ impl Params {
         *place = None;
         write_params(place, calibration, checked_health(calibration)?);
         if let Some(params) = place {
-            params.model.reduced.tabulate(&calibration.oil);
+            params.context.model.reduced.tabulate(&calibration.oil);
         }
         Ok(())
     }
@@ -58,8 +58,7 @@ impl Params {
     /// Parameters with an empty compression table.
     fn from_checked(calibration: &Calibration, health: HealthParams) -> Self {
         Self {
-            health,
-            model: untabulated(calibration),
+            context: HealthContext { params: health, model: untabulated(calibration) },
             region: calibration.region,
             errors: calibration.sensor_errors,
             ranges: calibration.sensor_ranges,
@@ -69,16 +68,10 @@ impl Params {
         }
     }
 
-    /// Parameters that health monitoring borrows.
-    #[inline(always)]
-    pub(crate) fn health_context(&self) -> HealthContext<'_> {
-        HealthContext { params: &self.health, model: &self.model }
-    }
-
     /// The flow balance (reduced model).
     #[must_use]
     pub fn reduced(&self) -> &ReducedModel {
-        &self.model.reduced
+        &self.context.model.reduced
     }
 
     /// Declared ranges of the sensors.
@@ -102,13 +95,13 @@ impl Params {
     /// Parameters of health monitoring.
     #[must_use]
     pub fn health(&self) -> &HealthParams {
-        &self.health
+        &self.context.params
     }
 
     /// The leakage law.
     #[must_use]
     pub fn law(&self) -> &Law {
-        &self.model.law
+        &self.context.model.law
     }
 }
 

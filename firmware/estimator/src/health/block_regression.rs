@@ -52,7 +52,7 @@ impl BlockRegression {
 
     /// Sets up the regression model of a block.
     #[inline(always)]
-    pub fn of(context: HealthContext<'_>, block: &Block) -> Self {
+    pub fn of(context: &HealthContext, block: &Block) -> Self {
         let config = &context.params.config;
         let mean = &block.mean;
         let per_level = mean.ratio_per_kou * mean.kou_law;
@@ -89,7 +89,7 @@ impl BlockRegression {
 }
 
 /// Normalised pressure and temperature of a block, relative to the slopes' pivots.
-fn slope_regressors(context: HealthContext<'_>, mean: &RegressionSample) -> [f32; 2] {
+fn slope_regressors(context: &HealthContext, mean: &RegressionSample) -> [f32; 2] {
     let [_, y, z] =
         context.model.law.normalised(RevPerMin(mean.n_p_rpm), Megapascal(mean.p_h_mpa), Celsius(mean.t_b_c));
     let [pressure, temperature] = SLOPE_PIVOTS;

@@ -1,13 +1,13 @@
-//! Parameters that health monitoring borrows for one sample.
+//! Context of health monitoring: the part of the checked parameters that it borrows.
 
 use super::params::HealthParams;
 use crate::model::calibrated_model::CalibratedModel;
 
-/// Parameters of health monitoring and the equations of the machine, borrowed for one sample.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct HealthContext<'a> {
+/// Parameters of health monitoring and the equations of the machine.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct HealthContext {
     /// Checked parameters of health monitoring.
-    pub params: &'a HealthParams,
+    pub params: HealthParams,
     /// Flow balance and leakage law.
-    pub model: &'a CalibratedModel,
+    pub model: CalibratedModel,
 }

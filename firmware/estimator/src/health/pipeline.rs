@@ -26,7 +26,7 @@ use crate::units::{Micros, Ratio};
 impl HealthState {
     /// Records a sample without a valid ratio residual.
     #[inline(never)]
-    pub(crate) fn skip(&mut self, context: HealthContext<'_>, time: Micros, reason: Reason) {
+    pub(crate) fn skip(&mut self, context: &HealthContext, time: Micros, reason: Reason) {
         self.process(context);
         if reason == Reason::TimeReversed {
             self.accumulator = Accumulator::since(time);
@@ -39,7 +39,7 @@ impl HealthState {
 
     /// Updates the state with a valid sample.
     #[inline(always)]
-    pub(crate) fn update(&mut self, context: HealthContext<'_>, time: Micros, sample: &RegressionSample) {
+    pub(crate) fn update(&mut self, context: &HealthContext, time: Micros, sample: &RegressionSample) {
         self.process(context);
         let block_us = context.params.config.block_us;
         let full = self.accumulator.push(time, sample, block_us);
@@ -50,7 +50,7 @@ impl HealthState {
     }
 
     /// Runs one stage of the pending block.
-    fn process(&mut self, context: HealthContext<'_>) {
+    fn process(&mut self, context: &HealthContext) {
         self.stage = match self.stage {
             Stage::Idle => return,
             Stage::GateDrive => self.gate_drive(),
@@ -129,7 +129,7 @@ impl HealthState {
 
     /// Sets up the regression model of the block.
     #[inline(never)]
-    fn compare(&mut self, context: HealthContext<'_>) -> Stage {
+    fn compare(&mut self, context: &HealthContext) -> Stage {
         if self.used_at.is_none() {
             self.start(context);
         }
@@ -149,7 +149,7 @@ impl HealthState {
 
     /// Tests the innovation for a step.
     #[inline(never)]
-    fn test_step(&mut self, context: HealthContext<'_>) -> Stage {
+    fn test_step(&mut self, context: &HealthContext) -> Stage {
         let (deviation, spread) = (self.pending.deviation, self.pending.spread);
         let thresholds = &context.params.cusum;
         if self.holdoff_blocks == 0
@@ -163,7 +163,7 @@ impl HealthState {
 
     /// Forgets what wear may change in the time since the last block, and more right after a change.
     #[inline(never)]
-    fn forget(&mut self, context: HealthContext<'_>) -> Stage {
+    fn forget(&mut self, context: &HealthContext) -> Stage {
         let drift = context.params.config.level_drift_per_h;
         let mut forgotten = drift * drift * self.pending.hours;
         if self.diagnosis.changes > 0 && self.holdoff_blocks > context.params.diagnosis_blocks / 2 {
@@ -175,7 +175,7 @@ impl HealthState {
 
     /// Tests the learned parameters for a drift; during the hold-off restarts the reference.
     #[inline(never)]
-    fn test_drift(&mut self, context: HealthContext<'_>) -> Stage {
+    fn test_drift(&mut self, context: &HealthContext) -> Stage {
         if self.holdoff_blocks > 0 && self.diagnosis.changes == 0 {
             let BlockRegression { phi, per_level, .. } = self.pending.regression;
             self.drift.learn_regressor(phi, per_level);
@@ -197,7 +197,7 @@ impl HealthState {
 
     /// Residual that the parameters before the last change leave, and the first signatures.
     #[inline(never)]
-    fn sign_leakage(&mut self, context: HealthContext<'_>) -> Stage {
+    fn sign_leakage(&mut self, context: &HealthContext) -> Stage {
         self.pending.unexplained =
             self.pending.regression.unexplained(self.diagnosis.before, self.block.mean.ratio_residual);
         self.pending.leakage_signatures = leakage_signatures(&context.model.law, &self.block.mean);
@@ -205,7 +205,7 @@ impl HealthState {
     }
 
     #[inline(never)]
-    fn sign_others(&mut self, context: HealthContext<'_>) -> Stage {
+    fn sign_others(&mut self, context: &HealthContext) -> Stage {
         self.pending.other_signatures =
             other_signatures(&context.model.reduced, &context.model.law, &self.block.mean);
         Stage::Regress
@@ -220,9 +220,9 @@ impl HealthState {
     }
 
     #[inline(never)]
-    fn conclude(&mut self, context: HealthContext<'_>) -> Stage {
+    fn conclude(&mut self, context: &HealthContext) -> Stage {
         let unexplained_level = self.pending.unexplained / self.pending.regression.per_level;
-        let params = context.params;
+        let params = &context.params;
         self.diagnosis.update_causes(&self.pending.evidence, params.diagnosis_blocks);
         let report_change = params.config.report_change;
         match self.diagnosis.update_suspicion(unexplained_level, report_change, params.diagnosis_blocks) {
@@ -240,9 +240,9 @@ impl HealthState {
     }
 
     #[inline(never)]
-    fn debounce(&mut self, context: HealthContext<'_>) -> Stage {
+    fn debounce(&mut self, context: &HealthContext) -> Stage {
         let [level, ..] = self.filter.theta();
-        let params = context.params;
+        let params = &context.params;
         self.diagnosis.debounce(
             self.block.time,
             level > params.config.report_change,
@@ -252,7 +252,7 @@ impl HealthState {
     }
 
     #[inline(never)]
-    fn extrapolate(&mut self, context: HealthContext<'_>) -> Stage {
+    fn extrapolate(&mut self, context: &HealthContext) -> Stage {
         self.filter.clamp(PARAMETER_BOUNDS);
         self.trend_blocks = self.trend_blocks.saturating_add(1);
         if self.trend_blocks >= TREND_BLOCKS {
@@ -267,7 +267,7 @@ impl HealthState {
     }
 
     #[inline(never)]
-    fn start_diagnosis(&mut self, context: HealthContext<'_>, from: f32, to: f32, step: bool) {
+    fn start_diagnosis(&mut self, context: &HealthContext, from: f32, to: f32, step: bool) {
         let change =
             LevelChange { time: self.block.time, from: Ratio(1.0 + from), to: Ratio(1.0 + to), step };
         self.diagnosis.start(change, self.filter.theta(), from);
@@ -275,7 +275,7 @@ impl HealthState {
     }
 
     /// Initialises the filter with the prior uncertainty of level, sensors and slopes.
-    fn start(&mut self, context: HealthContext<'_>) {
+    fn start(&mut self, context: &HealthContext) {
         let slope = SLOPE_SD * SLOPE_SD;
         let variances = [LEVEL_SD_START * LEVEL_SD_START, context.params.offset_variance, slope, slope];
         self.filter = UdFilter::new([0.0; PARAMETERS], variances);
@@ -292,7 +292,7 @@ impl HealthState {
 
     /// Publishes the health status at a time.
     #[inline(never)]
-    fn publish(&mut self, context: HealthContext<'_>, time: Micros) {
+    fn publish(&mut self, context: &HealthContext, time: Micros) {
         let [level, offset, ..] = self.filter.theta();
         let [variance, ..] = self.filter.variances();
         // What wear may have changed since the last used block.
