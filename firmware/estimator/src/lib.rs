@@ -1,8 +1,9 @@
-//! Estimates leakage and wear of a hydrostatic drive (axial-piston pump and motor) from signals its controller already has.
+//! Estimates leakage and wear of a hydrostatic drive (axial-piston pump and motor) from its controller's own signals.
 //!
 //! The external leakage of a drive cannot be measured in service; it is inferred from the speed ratio: of what the pump
-//! delivers, the motor is short by compression, which is computed, and by leakage, which is the unknown. Leakage is stated
-//! as the coefficient `Kou` of one piston chamber in (L/min)/MPa (Wang et al. 2025, doi 10.1177/16878132251383370).
+//! delivers, the motor is short by compression, which is computed, and by leakage, which is the unknown. Leakage is
+//! stated as the coefficient `Kou` of one piston chamber in (L/min)/MPa (Wang et al. 2025, doi
+//! 10.1177/16878132251383370).
 //!
 //! One call, [`step()`], turns a [`Sample`] of sensor readings into an [`Estimate`] with three parts:
 //!
@@ -16,7 +17,7 @@
 //! use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
 //! use kou_estimator::{Calibration, CalibrationError, Estimate, Params, Reading, Sample, State, step};
 //!
-//! /// Wear ratio from one set of readings; the calibration comes from flash, `state` lives as long as the drive runs.
+//! /// Estimate from one set of readings; `params` and `state` live as long as the drive runs.
 //! fn on_sample(params: &Params, state: &mut State, time: Micros) -> Estimate {
 //!     let sample = Sample {
 //!         pump_speed: Reading::new(time, RevPerMin(1500.0)),
@@ -40,10 +41,10 @@
 //! }
 //! ```
 //!
-//! [`Calibration`] is configuration, written by a tool and possibly wrong; [`Params`] is a calibration that has passed all
-//! checks; [`State`] is everything that changes. The crate runs on a microcontroller and in the host tool with the same
-//! bits: it has no heap, no panic path, no unsafe code, bounded execution time, and uses no floating-point function whose
-//! result depends on the machine. `#![no_std]` means that it needs nothing of an operating system.
+//! [`Calibration`] is configuration, written by a tool and possibly wrong; [`Params`] is a calibration that has passed
+//! all checks; [`State`] is everything that changes. The crate runs on a microcontroller and in the host tool with the
+//! same bits: it has no heap, no panic path, no unsafe code, bounded execution time, and uses no floating-point
+//! function whose result depends on the machine. `#![no_std]` means that it needs nothing of an operating system.
 //!
 //! | module | content | imports |
 //! |---|---|---|
@@ -51,7 +52,7 @@
 //! | [`model`] | equations: oil compression, flow balance, leakage law, calibrated region | `units` |
 //! | [`reading`], [`reason`] | readings, faults, reasons for missing results | `units`, `model` |
 //! | [`calibration`] | configuration of one machine and its validation | `model` |
-//! | [`health`] | recursive estimation, change detection, fault isolation, prognosis | `model`, `calibration`, `reason` |
+//! | [`health`] | recursive estimation, change detection, diagnosis, prognosis | `model`, `calibration`, `reason` |
 //! | [`estimate`] | result of a step | `reason`, `health` |
 //! | `params`, `standard_error`, `step` | checked parameters, error propagation, the step | all above |
 //! | [`record`] | calibration and state as bytes | `calibration`, `step` |

@@ -1,8 +1,8 @@
 //! Unit types of the public interface.
 //!
-//! Every quantity crosses the estimator's interface in a type that names its unit; numerical kernels use bare `f32` with a
-//! unit suffix. Displacement per revolution and per radian are different types, so that one cannot be passed for the
-//! other. Pressures are gauge; [`MegapascalAbs`] is for the equation of state only.
+//! Every quantity crosses the estimator's interface in a type that names its unit; numerical kernels use bare `f32`
+//! with a unit suffix. Displacement per revolution and per radian are different types, so that one cannot be passed for
+//! the other. Pressures are gauge; [`MegapascalAbs`] is for the equation of state only.
 
 use serde::{Deserialize, Serialize};
 

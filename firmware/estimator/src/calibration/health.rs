@@ -18,14 +18,14 @@ pub struct HealthConfig {
     pub misfit_blocks: f32,
     /// Standard deviation of the random error of a single sample's ratio, relative.
     pub ratio_noise: f32,
-    /// Standard deviation of the level's change by wear alone in an hour of judged driving; grows with the root of time
-    /// (random walk).
+    /// Standard deviation of the level's change by wear alone in an hour of driving with the gate open; grows with the
+    /// root of time (random walk).
     pub level_drift_per_h: f32,
     /// Smallest change of the level worth a report.
     pub report_change: f32,
-    /// Mean time of judged driving between two false reports of a step, in hours (average run length to a false alarm,
-    /// ARL0).
-    #[serde(rename = "run_length_h", alias = "false_alarm_interval_h")]
+    /// Mean time of driving with the gate open between two false reports of a step, in hours (average run length to a
+    /// false alarm, ARL0).
+    #[serde(rename = "run_length_h")]
     pub false_alarm_interval_h: f32,
     /// Level (leakage over the law's) at which the machine is due for overhaul.
     pub limit_level: Ratio,

@@ -75,7 +75,8 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     consistent("reduced.pump_displacement_cm3_per_rev", pump, apart)?;
     let motor = near(c.reduced.motor_displacement.get(), m.motor_displacement.get());
     consistent("reduced.motor_displacement_cm3_per_rev", motor, apart)?;
-    // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no correction.
+    // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no
+    // correction.
     let root = square_root(c.sensor_ranges.pressure_max.get());
     let fewer = (c.reduced.fewer_leaking_per_rpm * c.sensor_ranges.speed_max.get()).abs()
         + (c.reduced.fewer_leaking_per_root_mpa * root).abs();
@@ -219,7 +220,8 @@ pub fn all(c: &Calibration) -> Result<(), CalibrationError> {
 }
 
 impl ReducedModel {
-    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one exists.
+    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one
+    /// exists.
     ///
     /// # Errors
     /// The first field that is not finite or out of range.

@@ -1,7 +1,7 @@
 //! Block averaging: means over a fixed time, slower than the piston ripple and less noisy than single samples.
 //!
-//! The averaged quantities are by-products of the step, so a block costs no second flow balance. Within a steady block they
-//! vary little, so that means of products equal products of means; unsteady blocks are not used.
+//! The averaged quantities are by-products of the step, so a block costs no second flow balance. Within a steady block
+//! they vary little, so that means of products equal products of means; unsteady blocks are not used.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +12,8 @@ use crate::units::Micros;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RegressionSample {
-    /// Ratio residual: ratio expected by the law minus measured ratio, both as magnitudes. Positive when more leaks than
-    /// the law expects.
+    /// Ratio residual: ratio expected by the law minus measured ratio, both as magnitudes. Positive when more leaks
+    /// than the law expects.
     pub ratio_residual: f32,
     /// Sensitivity `|dr/dKou|`: loss of ratio per (L/min)/MPa.
     pub ratio_per_kou: f32,

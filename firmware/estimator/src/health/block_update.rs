@@ -56,8 +56,8 @@ pub enum ProcessingStage {
 pub struct BlockUpdate {
     /// From `Compare` to all stages after it.
     pub regression: BlockRegression,
-    /// Deviation in units of level: innovation, from `Innovate` to `TestStep` and `ReportStep`; once a drift is detected,
-    /// distance from the reference, from `TestDrift` to `ReportDrift`.
+    /// Deviation in units of level: innovation, from `Innovate` to `TestStep` and `ReportStep`; once a drift is
+    /// detected, distance from the reference, from `TestDrift` to `ReportDrift`.
     pub deviation: f32,
     /// From `Innovate` to `TestStep`.
     pub spread: DeviationSpread,

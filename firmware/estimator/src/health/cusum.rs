@@ -1,7 +1,8 @@
 //! Detection of steps by a two-sided cumulative sum of log-likelihood ratios (CUSUM; Page 1954).
 //!
-//! The hypothesis "the level has changed by `mu`" is tested against "unchanged", with `mu` twice the change worth a report,
-//! so that the sum rises only for changes above the latter. Per block, with innovation `e` and noise variance `v`:
+//! The hypothesis "the level has changed by `mu`" is tested against "unchanged", with `mu` twice the change worth a
+//! report, so that the sum rises only for changes above the latter. Per block, with innovation `e` and noise variance
+//! `v`:
 //!
 //! ```text
 //! S := max(0, S + mu (|e| - mu/2 - 2 s_e)/v)
@@ -64,8 +65,8 @@ impl Cusum {
 
     /// Updates the sums with a block; true when a step is to be reported, after which the sums restart at zero.
     ///
-    /// `error` is the block's innovation, `noise2` its noise variance per decision, and `learned_sd` the standard error of
-    /// the prediction by the learned parameters, all in units of level.
+    /// `error` is the block's innovation, `noise2` its noise variance per decision, and `learned_sd` the standard error
+    /// of the prediction by the learned parameters, all in units of level.
     pub fn update(&mut self, thresholds: &CusumThresholds, error: f32, noise2: f32, learned_sd: f32) -> bool {
         let scale = thresholds.design / noise2;
         let allowance = 0.5 * thresholds.design + LEARNED_SIGMAS * learned_sd;

@@ -77,7 +77,8 @@ impl Diagnosis {
         }
     }
 
-    /// Starts the diagnosis of a change; `theta` are the parameters at that time, of which the first was `level_before`.
+    /// Starts the diagnosis of a change; `theta` are the parameters at that time, of which the first was
+    /// `level_before`.
     pub fn start(&mut self, change: LevelChange, theta: [f32; PARAMETERS], level_before: f32) {
         self.changes = self.changes.saturating_add(1);
         self.last = Some(change);

@@ -1,9 +1,10 @@
 //! Detection of drifts: distance of a slow mean from a learned reference that then stays fixed.
 //!
-//! The monitored quantity is the ratio residual that the learned parameters predict at the reference operating point, in
-//! units of level. Unlike the level alone it does not depend on how well level, offset and slopes can be separated, and
-//! unlike the residual itself not on the present operating point. The reference regressor is fixed with the reference: a
-//! lever of the offset that moved with the load would turn a learned offset of the ratio into apparent changes of the level.
+//! The monitored quantity is the ratio residual that the learned parameters predict at the reference operating point,
+//! in units of level. Unlike the level alone it does not depend on how well level, offset and slopes can be separated,
+//! and unlike the residual itself not on the present operating point. The reference regressor is fixed with the
+//! reference: a lever of the offset that moved with the load would turn a learned offset of the ratio into apparent
+//! changes of the level.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,8 +50,8 @@ impl DriftDetector {
         self.reference_blocks = 1;
     }
 
-    /// Updates with the prediction after a block and its standard deviation `sd`. Returns the distance from the reference
-    /// once a drift is to be reported.
+    /// Updates with the prediction after a block and its standard deviation `sd`. Returns the distance from the
+    /// reference once a drift is to be reported.
     pub fn update(&mut self, predicted: f32, sd: f32, report_change: f32) -> Option<f32> {
         self.slow += SLOW_WEIGHT * (predicted - self.slow);
         let distance = self.slow - self.reference;

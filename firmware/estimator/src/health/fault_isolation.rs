@@ -1,9 +1,9 @@
 //! Fault isolation: which causes, wear or others, can explain a change of the ratio residual.
 //!
 //! Every cause has a signature: the ratio residual that it adds per unit, as a function of the operating point. Leakage
-//! grows with pressure over speed, a wrong scale of a speed or of the displacement does not, an offset of a speed sensor
-//! fades with speed, and so on. After a change the residual is regressed on each signature alone; a cause is excluded when
-//! its fit is worse than the best one by more than a threshold (likelihood-ratio test; Isermann 2006).
+//! grows with pressure over speed, a wrong scale of a speed or of the displacement does not, an offset of a speed
+//! sensor fades with speed, and so on. After a change the residual is regressed on each signature alone; a cause is
+//! excluded when its fit is worse than the best one by more than a threshold (likelihood-ratio test; Isermann 2006).
 //! Where operating points do not vary, all causes remain: the data cannot distinguish them, and wear is not diagnosed.
 
 use serde::{Deserialize, Serialize};
@@ -121,7 +121,8 @@ pub(super) const LEAKAGE_SIGNATURES: usize = 5;
 /// Number of causes in [`other_signatures`].
 pub(super) const OTHER_SIGNATURES: usize = CAUSE_COUNT - LEAKAGE_SIGNATURES;
 
-/// Signatures of leakage and of the speed sensors: ratio residual per unit of the cause, in the order of [`Cause::ALL`].
+/// Signatures of leakage and of the speed sensors: ratio residual per unit of the cause, in the order of
+/// [`Cause::ALL`].
 #[inline]
 pub(super) fn leakage_signatures(law: &Law, mean: &RegressionSample) -> [f32; LEAKAGE_SIGNATURES] {
     let wear = mean.ratio_per_kou * mean.kou_law;

@@ -5,17 +5,17 @@
 //! (`block_regression`), estimated by recursive least squares (`ud_rls`):
 //!
 //! * the level: leakage over the law's, less 1. It may change, so it is forgotten slowly;
-//! * the ratio offset: a constant factor on the ratio, of displacement or speed scale. It would otherwise look like a leak
-//!   that depends on pressure: 1 % of ratio is 65 % of Kou at 10 MPa and 14 % at 45;
+//! * the ratio offset: a constant factor on the ratio, of displacement or speed scale. It would otherwise look like a
+//!   leak that depends on pressure: 1 % of ratio is 65 % of Kou at 10 MPa and 14 % at 45;
 //! * slopes of the level with pressure and with temperature, constant: the law's misfit to this machine.
 //!
-//! Changes of the level are detected in two ways: steps by a two-sided cumulative sum of the innovations (`cusum`), drifts
-//! by the distance of the level from a learned reference (`drift`). A detected change is reported, never silently followed;
-//! then its causes are isolated by their signatures (`fault_isolation`, `diagnosis`), and wear is confirmed only where
-//! nothing but leakage remains possible (`fault_debounce`).
+//! Changes of the level are detected in two ways: steps by a two-sided cumulative sum of the innovations (`cusum`),
+//! drifts by the distance of the level from a learned reference (`drift`). A detected change is reported, never
+//! silently followed; then its causes are isolated by their signatures (`fault_isolation`, `diagnosis`), and wear is
+//! confirmed only where nothing but leakage remains possible (`fault_debounce`).
 //!
-//! Size and values are bounded, and the state can be saved and restored bit for bit ([`crate::record::state`]). The work
-//! for a block is spread over the samples after it, one stage each (`pipeline`). All constants of judgement are in
+//! Size and values are bounded, and the state can be saved and restored bit for bit ([`crate::record::state`]). The
+//! work for a block is spread over the samples after it, one stage each (`pipeline`). All constants of judgement are in
 //! `tuning`. Theory and measured performance: `docs/health.md`.
 
 mod averaging;

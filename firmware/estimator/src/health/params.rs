@@ -74,8 +74,8 @@ impl HealthParams {
             chi: balance.compression_loss().get(),
         };
         let per_level = mean.ratio_per_kou * mean.kou_law;
-        // An error of pressure or temperature acts through compression, independent of leakage, and through the leakage,
-        // in proportion to the level: with zero sensitivity to leakage only compression remains.
+        // An error of pressure or temperature acts through compression, independent of leakage, and through the
+        // leakage, in proportion to the level: with zero sensitivity to leakage only compression remains.
         let without = RegressionSample { ratio_per_kou: 0.0, ..mean };
         let [pressure_0, temperature_0, ..] = other_signatures(&inputs.model.reduced, law, &without);
         let [pressure_1, temperature_1, ..] = other_signatures(&inputs.model.reduced, law, &mean);
@@ -107,8 +107,8 @@ impl HealthParams {
         })
     }
 
-    /// Systematic variance of the level, which no driving averages out: errors of pressure and temperature, misfit of the
-    /// law.
+    /// Systematic variance of the level, which no driving averages out: errors of pressure and temperature, misfit of
+    /// the law.
     #[inline(always)]
     pub(super) fn systematic_variance(&self, level: f32) -> f32 {
         let [s0, s1, s2] = self.systematic2;

@@ -1,9 +1,9 @@
 //! Processing pipeline: how samples become blocks and blocks update the learned state.
 //!
-//! A sample is added to the block being filled. A full block becomes pending and is processed by one stage with each of the
-//! following samples, while the next block fills; a block that is full while another is pending goes on filling. So a slow
-//! sample rate makes longer blocks, and no sample costs more than one stage. What a stage produces is stored as a typed
-//! hand-off in [`BlockUpdate`](super::block_update::BlockUpdate).
+//! A sample is added to the block being filled. A full block becomes pending and is processed by one stage with each of
+//! the following samples, while the next block fills; a block that is full while another is pending goes on filling. So
+//! a slow sample rate makes longer blocks, and no sample costs more than one stage. What a stage produces is stored as
+//! a typed hand-off in [`BlockUpdate`](super::block_update::BlockUpdate).
 
 use super::averaging::{Accumulator, RegressionSample};
 use super::block_regression::BlockRegression;

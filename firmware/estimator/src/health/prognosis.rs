@@ -1,7 +1,7 @@
 //! Prognosis: trend of the level over operating hours, and the remaining life until a limit with its uncertainty.
 //!
-//! A straight line is fitted to the level by least squares with exponentially fading weights. The sums are taken about the
-//! present time, so that they stay bounded however long the machine runs.
+//! A straight line is fitted to the level by least squares with exponentially fading weights. The sums are taken about
+//! the present time, so that they stay bounded however long the machine runs.
 
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ pub struct Slope {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RemainingLife {
-    /// Expected hours of judged driving; at most 20000, also when the level does not rise.
+    /// Expected hours of driving with the gate open; at most 20000, also when the level does not rise.
     pub hours: f32,
     /// Hours if the slope were two standard errors steeper.
     pub at_least_hours: f32,
@@ -53,7 +53,7 @@ impl LevelTrend {
         Self { weight: 0.0, age: 0.0, age2: 0.0, level: 0.0, level_age: 0.0, level2: 0.0, hours: 0.0 }
     }
 
-    /// Adds the level after another `hours` of judged driving.
+    /// Adds the level after another `hours` of driving with the gate open.
     pub fn push(&mut self, level: f32, hours: f32) {
         // All points age by `hours` (ages are negative) and fade.
         let (w, a) = (self.weight, self.age);

@@ -94,7 +94,7 @@ impl HealthState {
         self.trend.remaining_life(self.status.level, params.config.limit_level)
     }
 
-    /// Slope of the level over hours of judged driving, once a trend is known.
+    /// Slope of the level over hours of driving with the gate open, once a trend is known.
     #[must_use]
     pub fn slope(&self) -> Option<Slope> {
         self.trend.slope()

@@ -1,11 +1,9 @@
 //! Tuning constants of health monitoring: every number that is a judgement and not a law of nature.
 //!
-//! Each states its unit, its source and its sensitivity: what halving or doubling it changes, where that follows from the
-//! equations or was measured (`docs/health.md`). What a calibration engineer sets is in
-//! [`crate::calibration::HealthConfig`]; a *decision* is a plateau of `misfit_blocks` blocks that share one misfit of the
-//! law.
-
-use super::ud_rls::PARAMETERS;
+//! Each states its unit, its source and its sensitivity: what halving or doubling it changes, where that follows from
+//! the equations or was measured (`docs/health.md`). What a calibration engineer sets is in
+//! [`crate::calibration::HealthConfig`]; a *decision* is a plateau of `misfit_blocks` blocks that share one misfit of
+//! the law.
 
 // Averaging
 
@@ -19,14 +17,14 @@ pub(super) const MAX_GAP_BLOCKS: u64 = 4;
 
 /// Weight of a new value in the moving average of the R-statistic, `lambda_1`; no unit.
 ///
-/// Source: chosen for blocks of half a second; the method is that of Cao and Rhinehart 1995. Sensitivity: a ramp lags by `1/lambda_1` values, so half the value doubles what a ramp contributes and the delay with
-/// which the gate opens.
+/// Source: chosen for blocks of half a second; the method is that of Cao and Rhinehart 1995. Sensitivity: a ramp lags
+/// by `1/lambda_1` values, so half the value doubles what a ramp contributes and the delay with which the gate opens.
 pub(super) const AVERAGE_WEIGHT: f32 = 0.3;
 
 /// Weight of a new squared distance from the moving average, `lambda_2`; no unit.
 ///
-/// Source: as [`AVERAGE_WEIGHT`]. Sensitivity: half the value roughly doubles the number of blocks (seven) for which the
-/// gate stays closed after a jump.
+/// Source: as [`AVERAGE_WEIGHT`]. Sensitivity: half the value roughly doubles the number of blocks (seven) for which
+/// the gate stays closed after a jump.
 pub(super) const DISTANCE_WEIGHT: f32 = 0.2;
 
 /// Weight of a new squared difference of successive values, `lambda_3`; no unit.
@@ -56,8 +54,8 @@ pub(super) const RESTART_FLOORS: f32 = 2.0;
 
 /// Root mean square deviation of pump speed that counts as steady, relative.
 ///
-/// Source: changes Kou by less than a per cent (`docs/health.md`). Sensitivity: twice the value admits twice the error of
-/// a block's balance.
+/// Source: changes Kou by less than a per cent (`docs/health.md`). Sensitivity: twice the value admits twice the error
+/// of a block's balance.
 pub(super) const SPEED_FLOOR: f32 = 0.005;
 
 /// Root mean square deviation of pressure that counts as steady, in MPa.
@@ -81,8 +79,8 @@ pub(super) const RATIO_RESIDUAL_FLOOR: f32 = 0.004;
 /// Standard deviation of the level before anything was learned; no unit (leakage over the law's).
 ///
 /// Source: the machine may have worn since it was calibrated; the intervals of machines worn by 0.3 (1 sigma) hold
-/// (`host-sim evaluate`, 1000 trials: 97.6 % in the first quarter of an hour, 94.8 % later). Sensitivity: halved, intervals
-/// of worn machines are too short in the first minutes; later it is forgotten.
+/// (`host-sim evaluate`, 1000 trials: 97.6 % in the first quarter of an hour, 94.8 % later). Sensitivity: halved,
+/// intervals of worn machines are too short in the first minutes; later it is forgotten.
 pub(super) const LEVEL_SD_START: f32 = 0.3;
 
 /// Largest variance of the level; no unit.
@@ -104,15 +102,14 @@ pub(super) const SLOPE_SD: f32 = 0.15;
 
 /// Bounds of level less 1, ratio offset and both slopes; no unit.
 ///
-/// Source: level: a twentieth to 21 times the law's leakage; ratio offset: 5 %, above which a speed sensor is broken; slopes:
-/// four [`SLOPE_SD`]. Sensitivity: none within them.
-pub(super) const PARAMETER_BOUNDS: [(f32, f32); PARAMETERS] =
-    [(-0.95, 20.0), (-0.05, 0.05), (-0.6, 0.6), (-0.6, 0.6)];
+/// Source: level: a twentieth to 21 times the law's leakage; ratio offset: 5 %, above which a speed sensor is broken;
+/// slopes: four [`SLOPE_SD`]. Sensitivity: none within them.
+pub(super) const PARAMETER_BOUNDS: [(f32, f32); 4] = [(-0.95, 20.0), (-0.05, 0.05), (-0.6, 0.6), (-0.6, 0.6)];
 
 /// Normalised pressure and temperature at which the slopes contribute nothing; no unit.
 ///
-/// Source: the middle of where machines work, so that level and slopes are nearly uncorrelated. Sensitivity: a shift moves
-/// the point at which the level is stated; not measured.
+/// Source: the middle of where machines work, so that level and slopes are nearly uncorrelated. Sensitivity: a shift
+/// moves the point at which the level is stated; not measured.
 pub(super) const SLOPE_PIVOTS: [f32; 2] = [0.55, 0.7];
 
 /// Smallest element of `D` of the UD factors, which bounds every variance from below; square of a parameter's unit.
@@ -150,8 +147,8 @@ pub(super) const MISFIT_SHARE: f32 = 0.58;
 
 /// Hold-off after the start before changes are tested, in decisions.
 ///
-/// Source: chosen; the level is then learned to [`LEARNED_SD`] in most drives, which is tested besides. Sensitivity: not
-/// measured; a fault in this time becomes part of the reference.
+/// Source: chosen; the level is then learned to [`LEARNED_SD`] in most drives, which is tested besides. Sensitivity:
+/// not measured; a fault in this time becomes part of the reference.
 pub(super) const START_HOLDOFF_DECISIONS: f32 = 7.0;
 
 /// Hold-off after a change, and number of decisions from which its causes are isolated.
@@ -163,16 +160,16 @@ pub(super) const DIAGNOSIS_DECISIONS: f32 = 16.0;
 
 /// Standard error of the watched residual below which changes are tested; no unit (units of level).
 ///
-/// Source: chosen: well below the smallest `report_change` of 5 %. Sensitivity: not measured; half the value prolongs the
-/// hold-off after the start.
+/// Source: chosen: well below the smallest `report_change` of 5 %. Sensitivity: not measured; half the value prolongs
+/// the hold-off after the start.
 pub(super) const LEARNED_SD: f32 = 0.02;
 
 // Change detection: steps by the cumulative sum
 
 /// Change for which the cumulative sum is optimal, in multiples of `report_change`.
 ///
-/// Source: a sum of log-likelihood ratios against a change of `mu` rises only above `mu/2`, so 2 makes it rise only above
-/// the change worth a report (Page 1954). Sensitivity: with 1 it would rise from half of that change on.
+/// Source: a sum of log-likelihood ratios against a change of `mu` rises only above `mu/2`, so 2 makes it rise only
+/// above the change worth a report (Page 1954). Sensitivity: with 1 it would rise from half of that change on.
 pub(super) const DESIGN_CHANGES: f32 = 2.0;
 
 /// Allowance for the uncertainty of the learned parameters, in their standard errors.
@@ -194,15 +191,16 @@ pub(super) const PLATEAU_LIMITS: f32 = 2.0;
 
 /// Smallest number of blocks among which [`PLATEAU_LIMITS`] is divided.
 ///
-/// Source: with fewer blocks per plateau (slow logs) two blocks must agree. Sensitivity: none for `misfit_blocks` above 4.
+/// Source: with fewer blocks per plateau (slow logs) two blocks must agree. Sensitivity: none for `misfit_blocks` above
+/// 4.
 pub(super) const PLATEAU_BLOCKS_MIN: f32 = 4.0;
 
 // Change detection: drifts
 
 /// Blocks over which the reference of the drift detector is averaged.
 ///
-/// Source: some half an hour of used blocks of 0.5 s, that is some two hours of driving. Sensitivity: a drift in this time
-/// becomes part of the reference; not measured.
+/// Source: some half an hour of used blocks of 0.5 s, that is some two hours of driving. Sensitivity: a drift in this
+/// time becomes part of the reference; not measured.
 pub(super) const REFERENCE_BLOCKS: u16 = 4000;
 
 /// Weight of a block in the slow mean that is compared with the reference; no unit.
@@ -212,15 +210,15 @@ pub(super) const SLOW_WEIGHT: f32 = 1.0 / 200.0;
 
 /// Weight of a block in the reference regressor, once the first block has been included; no unit.
 ///
-/// Source: a mean over some 64 blocks of the hold-off after the start. Sensitivity: not measured; a regressor that moved
-/// with the load instead gave 16 false reports in 5000 h.
+/// Source: a mean over some 64 blocks of the hold-off after the start. Sensitivity: not measured; a regressor that
+/// moved with the load instead gave 16 false reports in 5000 h.
 pub(super) const REGRESSOR_WEIGHT: f32 = 1.0 / 64.0;
 
 /// Standard errors by which the slow mean must have left the reference, besides the change worth a report.
 ///
 /// Source: two-sided 95 %; no false change in 1000 h (`host-sim evaluate --hours 1000 --runs 100 --seed 5`), drifts of
-/// 1 % per hour reported at a median of 6.0 %. Sensitivity: halved or doubled it moves that report by one or two standard
-/// errors (at most 2 % each); the rate of false reports with it was not measured.
+/// 1 % per hour reported at a median of 6.0 %. Sensitivity: halved or doubled it moves that report by one or two
+/// standard errors (at most 2 % each); the rate of false reports with it was not measured.
 pub(super) const DRIFT_SIGMAS: f32 = 2.0;
 
 // Fault isolation
@@ -233,20 +231,20 @@ pub(super) const EXCLUSION_CHI2: f32 = 25.0;
 
 /// The same per decision, however many there are, in units of chi-squared.
 ///
-/// The law's misfit and what was learned wrongly before the change are the same at every visit of an operating point, so
-/// their share of a difference grows as fast as evidence does: a cause is excluded only where it leaves more than the
-/// law's own misfit unexplained.
+/// The law's misfit and what was learned wrongly before the change are the same at every visit of an operating point,
+/// so their share of a difference grows as fast as evidence does: a cause is excluded only where it leaves more than
+/// the law's own misfit unexplained.
 ///
-/// Source: the 95 % quantile of the difference against the true cause per decision over 100 trials of `host-sim evaluate`:
-/// 0.2 to 0.5 for sensor faults and leaks up to 10 %, 0.7 to 0.8 for leaks of 15 to 30 %. Sensitivity: with 0, 3 of 100
-/// temperature faults were confirmed as wear, and in 16 of 100 leaks of 10 % wear was excluded; with 0.8, leaks of 10 %
-/// are confirmed in 7 of 100 within the hour instead of 48.
+/// Source: the 95 % quantile of the difference against the true cause per decision over 100 trials of `host-sim
+/// evaluate`: 0.2 to 0.5 for sensor faults and leaks up to 10 %, 0.7 to 0.8 for leaks of 15 to 30 %. Sensitivity: with
+/// 0, 3 of 100 temperature faults were confirmed as wear, and in 16 of 100 leaks of 10 % wear was excluded; with 0.8,
+/// leaks of 10 % are confirmed in 7 of 100 within the hour instead of 48.
 pub(super) const EXCLUSION_CHI2_PER_DECISION: f32 = 0.8;
 
 /// Factor on the difference at which wear is excluded in favour of a temperature offset alone; no unit.
 ///
-/// Source: law and temperature sensor err in nearly the same way over operating points. Sensitivity: not measured; with 1
-/// temperature is treated as every other cause.
+/// Source: law and temperature sensor err in nearly the same way over operating points. Sensitivity: not measured; with
+/// 1 temperature is treated as every other cause.
 pub(super) const TEMPERATURE_MARGIN: f32 = 3.0;
 
 /// Blocks after which old ones fade from the regression on causes.
@@ -269,8 +267,8 @@ pub(super) const RECOVERY_BLOCKS: u16 = 300;
 
 /// Decisions for a pending fault before it is confirmed, in blocks.
 ///
-/// Source: chosen; the isolation before it has waited for [`DIAGNOSIS_DECISIONS`] already. Sensitivity: in proportion to
-/// five seconds of driving.
+/// Source: chosen; the isolation before it has waited for [`DIAGNOSIS_DECISIONS`] already. Sensitivity: in proportion
+/// to five seconds of driving.
 pub(super) const CONFIRM_COUNT: u8 = 10;
 
 /// Decisions against a confirmed fault before it is healed, in blocks.
@@ -290,13 +288,13 @@ pub(super) const AGE_COUNT: u32 = 1_000_000;
 /// Source: about five minutes of used blocks of 0.5 s. Sensitivity: none while far below [`TREND_MEMORY_H`].
 pub(super) const TREND_BLOCKS: u16 = 600;
 
-/// Time in which a point's weight falls to 1/e, in hours of judged driving.
+/// Time in which a point's weight falls to 1/e, in hours of driving with the gate open.
 ///
 /// Source: chosen: long against the scatter of the level, short against a machine's life. Sensitivity: half the value
 /// follows a change of slope twice as fast, with `2 sqrt(2)` times the standard error.
 pub(super) const TREND_MEMORY_H: f32 = 20.0;
 
-/// Shortest time from which a slope is stated, in hours of judged driving.
+/// Shortest time from which a slope is stated, in hours of driving with the gate open.
 ///
 /// Source: chosen; its standard error says how little an hour is worth. Sensitivity: none later.
 pub(super) const TREND_MIN_H: f32 = 1.0;
@@ -311,7 +309,7 @@ pub(super) const TREND_MIN_WEIGHT: f32 = 3.0;
 /// Source: chosen. Sensitivity: the slope's standard error grows with its root; its coverage was not measured.
 pub(super) const CORRELATED_POINTS: f32 = 10.0;
 
-/// Longest remaining life that is stated, in hours of judged driving.
+/// Longest remaining life that is stated, in hours of driving with the gate open.
 ///
 /// Source: beyond a drive's life. Sensitivity: none below it.
 pub(super) const MAX_REMAINING_H: f32 = 20_000.0;

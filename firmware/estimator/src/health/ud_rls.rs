@@ -1,10 +1,11 @@
 //! Recursive least squares for four parameters with the covariance factored as `P = U D U'`.
 //!
-//! Measurement update by Bierman's UD algorithm (Bierman 1977, Factorization Methods for Discrete Sequential Estimation,
-//! ch. V.3). The factored form cannot lose symmetry or positive definiteness to rounding. Forgetting acts on the first
-//! parameter only: `U` is unit upper triangular, so its first column is the first unit vector, and adding `q` to `D_1` adds
-//! `q` to the first variance and changes nothing else. Thus a parameter that may change (the level) is forgotten, constants
-//! (a sensor's offset) are not, and there is no covariance wind-up without excitation. Derived in `docs/health.md`.
+//! Measurement update by Bierman's UD algorithm (Bierman 1977, Factorization Methods for Discrete Sequential
+//! Estimation, ch. V.3). The factored form cannot lose symmetry or positive definiteness to rounding. Forgetting acts
+//! on the first parameter only: `U` is unit upper triangular, so its first column is the first unit vector, and adding
+//! `q` to `D_1` adds `q` to the first variance and changes nothing else. Thus a parameter that may change (the level)
+//! is forgotten, constants (a sensor's offset) are not, and there is no covariance wind-up without excitation. Derived
+//! in `docs/health.md`.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,9 +1,10 @@
-//! Calibrated region: the operating points at which a leakage law was calibrated, and the test whether a point is inside.
+//! Calibrated region: the operating points at which a leakage law was calibrated, and the test whether a point is
+//! inside.
 //!
 //! The region is convex: the points' bounding box in the law's normalised variables x, y, z, cut by the planes at 45
-//! degrees between each two axes (a discrete oriented polytope with nine directions, k-DOP). It contains every calibration
-//! point, lies inside the bounding box, costs nine comparisons, and needs no hull algorithm on the controller. A quadratic
-//! does not extrapolate, so outside the region the law is not used.
+//! degrees between each two axes (a discrete oriented polytope with nine directions, k-DOP). It contains every
+//! calibration point, lies inside the bounding box, costs nine comparisons, and needs no hull algorithm on the
+//! controller. A quadratic does not extrapolate, so outside the region the law is not used.
 
 use serde::{Deserialize, Serialize};
 

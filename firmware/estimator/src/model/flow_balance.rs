@@ -1,8 +1,8 @@
 //! Flow balance of the high-pressure line: the steady speed ratio from the leakage coefficient (reduced model), and its
 //! inverse.
 //!
-//! Per revolution of the pump, with the compression loss `chi`, all volumes at the density of the high line (after Wang et
-//! al. 2025; derived in `docs/reduced-model.md`):
+//! Per revolution of the pump, with the compression loss `chi`, all volumes at the density of the high line (after Wang
+//! et al. 2025; derived in `docs/reduced-model.md`):
 //!
 //! ```text
 //! |alpha| D_p - (|alpha| D_p + Z_p V_0p') chi - (Lambda Kou (p_H - p_c) + G w)/n_p = |r| (D_m + Z_m V_0m chi)
@@ -10,12 +10,12 @@
 //! Lambda = Lambda_0 - l_n |alpha| n_p - l_w w
 //! ```
 //!
-//! The pump delivers its swept volume, less the compression loss of swept and dead volume, less leakage; the motor takes in
-//! its swept volume plus the recompression of its dead volume. Silencing grooves that bridge the kidneys pass `G w`;
-//! chambers in transition leak less, the more so the longer the transition lasts. The balance is linear in `Kou`, so its
-//! inverse is closed: that inverse is the identification. Negative displacement exchanges the lines and the sign of the
-//! ratio, nothing else. A flow meter instead of a motor is a motor without dead volume whose displacement is the meter's
-//! reference displacement.
+//! The pump delivers its swept volume, less the compression loss of swept and dead volume, less leakage; the motor
+//! takes in its swept volume plus the recompression of its dead volume. Silencing grooves that bridge the kidneys pass
+//! `G w`; chambers in transition leak less, the more so the longer the transition lasts. The balance is linear in
+//! `Kou`, so its inverse is closed: that inverse is the identification. Negative displacement exchanges the lines and
+//! the sign of the ratio, nothing else. A flow meter instead of a motor is a motor without dead volume whose
+//! displacement is the meter's reference displacement.
 
 use serde::{Deserialize, Serialize};
 
@@ -151,7 +151,8 @@ impl ReducedModel {
         Ratio(ratio.get() * k.motor_displacement.get() / (at.displacement.get() * k.pump_displacement.get()))
     }
 
-    /// Speed ratio equivalent to a flow meter's reading: its flow over that of its reference displacement at pump speed.
+    /// Speed ratio equivalent to a flow meter's reading: its flow over that of its reference displacement at pump
+    /// speed.
     #[inline(always)]
     #[must_use]
     pub fn ratio_of_flow(&self, at: &OperatingPoint, flow: LitrePerMin) -> Ratio {

@@ -50,16 +50,16 @@ pub struct LawConfig {
     #[serde(rename = "residual_se")]
     pub residual_se: LeakageCoefficient,
     /// Covariance of the ten coefficients, as a factor.
-    #[serde(rename = "error_root", alias = "covariance_factor")]
+    #[serde(rename = "error_root")]
     pub covariance_factor: LawCovarianceFactor,
 }
 
 /// Low-rank factor `R` of the coefficients' covariance, `R^T R` plus a remainder.
 ///
-/// `R` has four rows, upper trapezoidal, from the diagonal on, in (L/min)/MPa. Order of the terms: 1, x, y, z, x^2, y^2,
-/// z^2, xy, xz, yz. With `phi` these ten at an operating point, `|R phi|^2 + remainder^2` is the variance of the law due to
-/// its coefficients: the effect of uncertain displacement ratio, bulk modulus and bench sensors on the fit. Ten rows would be
-/// exact and cost a third of a step; `docs/law.md` states how the four are chosen.
+/// `R` has four rows, upper trapezoidal, from the diagonal on, in (L/min)/MPa. Order of the terms: 1, x, y, z, x^2,
+/// y^2, z^2, xy, xz, yz. With `phi` these ten at an operating point, `|R phi|^2 + remainder^2` is the variance of the
+/// law due to its coefficients: the effect of uncertain displacement ratio, bulk modulus and bench sensors on the fit.
+/// Ten rows would be exact and cost a third of a step; `docs/law.md` states how the four are chosen.
 #[doc(alias = "square-root covariance")]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -73,7 +73,7 @@ pub struct LawCovarianceFactor {
     /// Fourth row: from z on.
     pub fourth: [f32; 7],
     /// Largest standard error within the region that the four rows do not represent.
-    #[serde(rename = "rest", alias = "remainder")]
+    #[serde(rename = "rest")]
     pub remainder: LeakageCoefficient,
 }
 

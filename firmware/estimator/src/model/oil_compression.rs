@@ -1,7 +1,7 @@
 //! Compression of oil with entrained air between two pressures: Wylie's effective bulk modulus, integrated.
 //!
-//! With absolute pressure `p` and the relative air volume `x = (p_0/p)^(1/lambda)`, the effective bulk modulus (Wylie and
-//! Streeter 1993, Fluid Transients in Systems; Wang et al. 2025, eq. 2) integrates to
+//! With absolute pressure `p` and the relative air volume `x = (p_0/p)^(1/lambda)`, the effective bulk modulus (Wylie
+//! and Streeter 1993, Fluid Transients in Systems; Wang et al. 2025, eq. 2) integrates to
 //!
 //! ```text
 //! ln(rho_H/rho_L) = a(p_L) - a(p_H) + (h(p_H) - h(p_L))/beta_0
@@ -79,8 +79,8 @@ impl Compression {
         table
     }
 
-    /// As [`from_checked`](Self::from_checked) with an empty table, which is large: [`tabulate`](Self::tabulate) fills it
-    /// in place.
+    /// As [`from_checked`](Self::from_checked) with an empty table, which is large: [`tabulate`](Self::tabulate) fills
+    /// it in place.
     pub(crate) fn empty(oil: &OilConfig) -> Self {
         Self {
             octaves: [Octave { air: [0.0; NODES], oil: [0.0; NODES + 1] }; OCTAVES],
@@ -113,11 +113,11 @@ impl Compression {
         }
     }
 
-    /// Compression loss `chi = 1 - rho_L/rho_H` of oil compressed from `low` to `high` at temperature `oil`: the fraction of
-    /// its volume that is lost.
+    /// Compression loss `chi = 1 - rho_L/rho_H` of oil compressed from `low` to `high` at temperature `oil`: the
+    /// fraction of its volume that is lost.
     ///
-    /// Pressures are clamped to [`MIN_PRESSURE_MPA_ABS`]..[`MAX_PRESSURE_MPA_ABS`]. For `low` above `high` the result is
-    /// negative.
+    /// Pressures are clamped to [`MIN_PRESSURE_MPA_ABS`]..[`MAX_PRESSURE_MPA_ABS`]. For `low` above `high` the result
+    /// is negative.
     #[doc(alias = "Wylie")]
     #[doc(alias = "density ratio")]
     #[inline(always)]
@@ -139,8 +139,8 @@ impl Compression {
         self.per_bulk_modulus / self.softening(oil)
     }
 
-    /// Relative change of the bulk modulus per kelvin, negative for real oils. That of the compression loss is its opposite,
-    /// to within the few per cent by which the modulus differs from that at the reference temperature.
+    /// Relative change of the bulk modulus per kelvin, negative for real oils. That of the compression loss is its
+    /// opposite, to within the few per cent by which the modulus differs from that at the reference temperature.
     #[inline(always)]
     #[must_use]
     pub(crate) fn softening_per_k(&self) -> f32 {

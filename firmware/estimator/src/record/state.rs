@@ -8,9 +8,9 @@
 //!        8+n crc      u32 LE   CRC-32/ISO-HDLC over everything before it
 //! ```
 //!
-//! A state belongs to the calibration with which it was learned and is rejected with another: the level is leakage over that
-//! law's. Time stamps are of the clock of the samples. Where that clock restarts, the first sample after the restart is
-//! rejected as [`crate::Reason::TimeReversed`], and nothing else is lost.
+//! A state belongs to the calibration with which it was learned and is rejected with another: the level is leakage over
+//! that law's. Time stamps are of the clock of the samples. Where that clock restarts, the first sample after the
+//! restart is rejected as [`crate::Reason::TimeReversed`], and nothing else is lost.
 
 use core::fmt;
 

@@ -138,7 +138,7 @@ pub mod reference {
         }
 
         /// chi = 1 - rho_L/rho_H with ln(rho_H/rho_L) = integral of dp/beta, gauge pressures.
-        pub fn lost_fraction(&self, low: f64, high: f64) -> f64 {
+        pub fn compression_loss(&self, low: f64, high: f64) -> f64 {
             let f = |t: f64| self.compressibility(t.exp()) * t.exp();
             let (a, b) = ((low + 0.101_325).ln(), (high + 0.101_325).ln());
             1.0 - (-simpson(&f, a, b)).exp()
