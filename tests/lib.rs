@@ -5,10 +5,12 @@
 pub mod samples;
 
 use kou_estimator::calibration::HealthConfig;
-use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::calibration::{
+    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
+};
 use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::model::flow_balance::ReducedConfig;
-use kou_estimator::model::leakage_law::{LawConfig, LawErrorRoot};
+use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
 use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::record;
 use kou_estimator::units::{
@@ -35,7 +37,7 @@ pub fn reference_calibration() -> Calibration {
         machine: MachineConfig {
             name: text("reference 300"),
             serial: text("e2e-1"),
-            output: Output::Motor,
+            output: OutputSensor::Motor,
             pump_pistons: 9,
             motor_pistons: 9,
             pump_displacement: CubicCentimetrePerRev(300.0),
@@ -75,7 +77,11 @@ pub fn reference_calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.0015),
-            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
+            covariance_factor: LawCovarianceFactor {
+                first: [1e-3; 10],
+                third: [5e-4; 8],
+                ..LawCovarianceFactor::ZERO
+            },
         },
         region: RegionConfig::around(corners, 0.01),
         sensor_errors: SensorErrors {
@@ -103,7 +109,7 @@ pub fn reference_calibration() -> Calibration {
             rated_speed: RevPerMin(2000.0),
             rated_pressure: Megapascal(30.0),
             rated_temperature: Celsius(55.0),
-            ..HealthConfig::USUAL
+            ..HealthConfig::DEFAULT
         },
         provenance: Provenance {
             tool: text("end-to-end test"),

@@ -121,7 +121,7 @@ fn compare(params: &Params, at: &OperatingPoint, kou: f64, ratio_full: f64) -> R
     sample.high_pressure = Reading::new(now, point.high_pressure);
     sample.oil_temperature = Reading::new(now, point.oil_temperature);
     sample.displacement = Reading::new(now, point.displacement);
-    let seen = step(params, &mut State::new(), &sample).seen.map_err(|reason| {
+    let seen = step(params, &mut State::new(), &sample).observed.map_err(|reason| {
         InputError::new(format!(
             "the estimator refuses a point of the envelope ({}): {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}",
             reason_label(reason),

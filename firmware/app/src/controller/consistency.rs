@@ -21,9 +21,9 @@
 //! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
 //! What changes more slowly than health's drift watch can tell from wear is wear to it.
 
-use kou_estimator::health::{Change, Health, Stage};
+use kou_estimator::health::{DtcStatus, Health, LevelChange};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Expected, Reason, Seen};
+use kou_estimator::{Estimate, Expected, Observed, Reason};
 
 /// Standard errors of the level that are no contradiction yet.
 const LEVEL_SIGMAS: f32 = 2.0;
@@ -66,17 +66,17 @@ impl Trust {
 
     /// The estimate as it may be told; `last_change` is the last one that health has reported.
     #[must_use]
-    pub fn judge(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
+    pub fn judge(&mut self, last_change: Option<LevelChange>, estimate: Estimate) -> Estimate {
         self.follow(&estimate.health, last_change);
-        let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.seen) else { return estimate };
+        let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.observed) else { return estimate };
         let law = expected.kou.get();
         let apart = (seen.kou.get() - self.learned.level * law).abs();
         let excess = apart - seen.kou_se.get();
         let contradicts = excess > LEVEL_SIGMAS * self.learned.level_se * law;
         self.count(contradicts);
-        if estimate.health.sensor == Stage::Confirmed && self.agreed < AGREES {
+        if estimate.health.sensor == DtcStatus::Confirmed && self.agreed < AGREES {
             let suspected = Reason::SensorSuspected;
-            return Estimate { expected: Err(suspected), seen: Err(suspected), ..estimate };
+            return Estimate { expected: Err(suspected), observed: Err(suspected), ..estimate };
         }
         if !contradicts {
             return estimate;
@@ -84,13 +84,13 @@ impl Trust {
         // The wrong sensor may be one that the law takes, too.
         Estimate {
             expected: Ok(Expected { kou_se: joined(expected.kou_se, excess), ..expected }),
-            seen: Ok(Seen { kou_se: joined(seen.kou_se, excess), ..seen }),
+            observed: Ok(Observed { kou_se: joined(seen.kou_se, excess), ..seen }),
             ..estimate
         }
     }
 
     /// Opens and closes the question by what health says, and takes over what it has learned while there is none.
-    fn follow(&mut self, health: &Health, last_change: Option<Change>) {
+    fn follow(&mut self, health: &Health, last_change: Option<LevelChange>) {
         if let (true, Some(change), false) = (health.changes != self.changes, last_change, self.is_open) {
             self.is_open = true;
             if self.contradicted == 0 {
@@ -102,7 +102,7 @@ impl Trust {
         self.changes = health.changes;
         let now = learned(health);
         let is_as_before = (now.level - self.learned.level).abs() <= LEVEL_SIGMAS * now.level_se;
-        let is_wear = health.wear == Stage::Confirmed && health.causes.only_leakage();
+        let is_wear = health.wear == DtcStatus::Confirmed && health.causes.only_leakage();
         if is_wear || (is_as_before && self.agreed >= CLOSES) {
             self.is_open = false;
             self.contradicted = 0;
@@ -154,7 +154,7 @@ mod tests {
                 volumetric_efficiency: efficiency,
                 leakage,
             }),
-            seen: Ok(Seen {
+            observed: Ok(Observed {
                 ratio,
                 kou: LeakageCoefficient(seen),
                 kou_se: LeakageCoefficient(SE),
@@ -166,7 +166,7 @@ mod tests {
     }
 
     fn se(estimate: Estimate) -> f32 {
-        estimate.seen.unwrap().kou_se.get()
+        estimate.observed.unwrap().kou_se.get()
     }
 
     fn causes(of: &[Cause]) -> Causes {
@@ -175,8 +175,8 @@ mod tests {
         postcard::from_bytes(postcard::to_slice(&bits, &mut buffer).unwrap()).unwrap()
     }
 
-    fn change(from: f32, to: f32) -> Option<Change> {
-        Some(Change { time: Micros(1), from: Ratio(from), to: Ratio(to), step: true })
+    fn change(from: f32, to: f32) -> Option<LevelChange> {
+        Some(LevelChange { time: Micros(1), from: Ratio(from), to: Ratio(to), step: true })
     }
 
     #[test]
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
         let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
             let told = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
@@ -219,31 +219,32 @@ mod tests {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
         let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
-        let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
+        let worn = Health { causes: causes(&[Cause::Wear]), wear: DtcStatus::Confirmed, ..open };
         let believed = estimate(1.5 * LAW, 1.5, worn);
         assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
 
-        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: Stage::Confirmed, ..open };
+        let suspected =
+            Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
         let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
-        assert_eq!(told.seen, Err(Reason::SensorSuspected));
+        assert_eq!(told.observed, Err(Reason::SensorSuspected));
         assert_eq!(told.expected, Err(Reason::SensorSuspected));
         // As before for five seconds: used again, whatever health still waits for.
         let mut trust = Trust::new();
         for _ in 0..AGREES {
-            assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
+            assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).observed.is_err());
         }
         for i in 1..=AGREES {
             let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
-            assert_eq!(told.seen.is_ok(), i == AGREES, "{i}");
+            assert_eq!(told.observed.is_ok(), i == AGREES, "{i}");
         }
     }
 
     #[test]
     fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
         let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
             // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
@@ -258,14 +259,14 @@ mod tests {
             assert_eq!(trust.judge(None, agrees), agrees);
         }
         assert!(trust.is_open);
-        assert!(trust.judge(None, estimate(LAW, 0.99, Health::new())).seen.is_ok());
+        assert!(trust.judge(None, estimate(LAW, 0.99, Health::new())).observed.is_ok());
         assert!(!trust.is_open);
     }
 
     #[test]
     fn a_reason_of_the_estimator_stays() {
-        let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
-        invalid.seen = Err(Reason::RatioAboveLeakFree);
-        assert_eq!(Trust::new().judge(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
+        let mut invalid = estimate(LAW, 1.0, Health { sensor: DtcStatus::Confirmed, ..Health::new() });
+        invalid.observed = Err(Reason::RatioAboveLeakFree);
+        assert_eq!(Trust::new().judge(None, invalid).observed, Err(Reason::RatioAboveLeakFree));
     }
 }

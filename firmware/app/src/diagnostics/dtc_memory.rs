@@ -7,7 +7,7 @@
 
 use heapless::Vec;
 use kou_estimator::Sample;
-use kou_estimator::health::Stage;
+use kou_estimator::health::DtcStatus;
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
@@ -232,11 +232,11 @@ impl FaultMemory {
 
     /// A debounced trouble stands at this stage now. To be called whenever it may have changed; calls that change nothing
     /// change nothing here.
-    pub fn follows(&mut self, code: Code, stage: Stage, snapshot: Snapshot) {
+    pub fn follows(&mut self, code: Code, stage: DtcStatus, snapshot: Snapshot) {
         match stage {
-            Stage::Confirmed => self.confirmed(code, snapshot),
-            Stage::Healed | Stage::Absent => self.healed(code),
-            Stage::Pending => {}
+            DtcStatus::Confirmed => self.confirmed(code, snapshot),
+            DtcStatus::Healed | DtcStatus::Absent => self.healed(code),
+            DtcStatus::Pending => {}
         }
     }
 
@@ -332,9 +332,9 @@ mod tests {
         memory.confirmed(code, Snapshot::of(100, &sample));
         memory.confirmed(code, Snapshot::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, Stage::Pending, Snapshot::at(150));
+        memory.follows(code, DtcStatus::Pending, Snapshot::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, Stage::Healed, Snapshot::at(200));
+        memory.follows(code, DtcStatus::Healed, Snapshot::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
         memory.confirmed(code, Snapshot::at(300));
         let entry = memory.get(code).unwrap();

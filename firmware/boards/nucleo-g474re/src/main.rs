@@ -180,10 +180,10 @@ impl Publish for Told {
         sample: Option<&Sample>,
     ) {
         self.bus.publish(now, estimate, sample).await;
-        let valid = estimate.is_ok_and(|estimate| estimate.seen.is_ok());
+        let valid = estimate.is_ok_and(|estimate| estimate.observed.is_ok());
         if self.was_valid != Some(valid) {
             self.was_valid = Some(valid);
-            let why = estimate.map(|estimate| estimate.seen.err());
+            let why = estimate.map(|estimate| estimate.observed.err());
             defmt::info!("estimates valid: {=bool}; {}", valid, why);
         }
     }

@@ -176,7 +176,7 @@ fn main() -> ! {
     let mut out = Estimate::invalid(Micros(0), Reason::NotLoaded);
     let sample = black_box(typical_sample(Micros(1_000_000)));
     hprintln!("step_typical_instructions {}", step_instructions(&drive, &mut state, &sample, &mut out));
-    if out.expected.is_err() || out.seen.is_err() {
+    if out.expected.is_err() || out.observed.is_err() {
         heprintln!("the typical sample is not valid, so its count means nothing");
         fail();
     }

@@ -77,12 +77,12 @@ fn pieces(params: &Params, at: &OperatingPoint) {
     let balance = model.balance(at);
     let kou = *unknown(0x20 as *const LeakageCoefficient);
     let ratio = *unknown(0x24 as *const Ratio);
-    black_box((balance.ratio(kou), balance.kou(ratio), balance.kou_per_ratio(), balance.lost_fraction()));
+    black_box((balance.ratio(kou), balance.kou(ratio), balance.kou_per_ratio(), balance.compression_loss()));
     black_box((balance.leakage(kou), model.volumetric_efficiency(at, ratio)));
     black_box(model.ratio_of_flow(at, *unknown(0x28 as *const LitrePerMin)));
 
     let (low, high) = *unknown(0x30 as *const (MegapascalAbs, MegapascalAbs));
-    black_box(model.compression().lost_fraction(low, high, at.oil_temperature));
+    black_box(model.compression().compression_loss(low, high, at.oil_temperature));
 }
 
 /// What builds and judges configurations.
@@ -121,7 +121,11 @@ extern "C" fn _start() {
     black_box(kou_estimator::record::state::encode(&state, 0, &mut buffer).is_ok());
     black_box(kou_estimator::record::state::decode(bytes, 0).is_ok());
     let health = state.health();
-    black_box((health.severity(params.health()), health.remaining(params.health()), health.last_change()));
+    black_box((
+        health.severity(params.health()),
+        health.remaining_life(params.health()),
+        health.last_change(),
+    ));
     black_box((&estimate, estimate.wear_ratio().is_ok(), state.samples(), state.valid()));
     pieces(params, unknown(0x78 as *const OperatingPoint));
     configurations(calibration);

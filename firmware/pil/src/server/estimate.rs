@@ -55,7 +55,7 @@ fn estimate<M: RawMutex>(bus: &Bus<M>, active: Option<&mut Active>, sample: &Sam
         return Response::Error(ErrorKind::NoCalibration);
     };
     let estimate = step(&active.params, &mut active.state, sample);
-    if estimate.expected.is_ok() && estimate.seen.is_ok() {
+    if estimate.expected.is_ok() && estimate.observed.is_ok() {
         bus.counters.estimates_valid.raise();
     } else {
         bus.counters.estimates_refused.raise();

@@ -163,7 +163,7 @@ impl Outages {
         let since_s = time_s - outage.back_s;
         let Some(finding) = &mut outage.finding else { return };
         finding.first_output_s.get_or_insert(since_s);
-        if estimate.seen.is_ok() {
+        if estimate.observed.is_ok() {
             finding.valid_s.get_or_insert(since_s);
         }
         let level = estimate.health.level.get();
