@@ -243,7 +243,12 @@ const REGION_STEPS: usize = 8;
 /// With `F` the terms at the points and all over the region, the right singular vectors `v` of `F A` are the independent errors in
 /// the order of what they do to the law there. The first four make `R`, by a QR decomposition of `(A v)^T`; what the others do
 /// together where they do most is the rest.
-fn error_root(root: &DMatrix<f64>, kept: &[usize], rows: &[Row], region: &RegionConfig) -> LawCovarianceFactor {
+fn error_root(
+    root: &DMatrix<f64>,
+    kept: &[usize],
+    rows: &[Row],
+    region: &RegionConfig,
+) -> LawCovarianceFactor {
     let mut all = DMatrix::zeros(10, root.ncols());
     for (row, term) in kept.iter().enumerate() {
         all.row_mut(*term).copy_from(&root.row(row));

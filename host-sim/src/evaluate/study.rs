@@ -1,6 +1,6 @@
 //! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
 
-use kou_estimator::health::{Cause, Causes, Health, DtcStatus};
+use kou_estimator::health::{Cause, Causes, DtcStatus, Health};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;

@@ -21,9 +21,9 @@
 //! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
 //! What changes more slowly than health's drift watch can tell from wear is wear to it.
 
-use kou_estimator::health::{LevelChange, Health, DtcStatus};
+use kou_estimator::health::{DtcStatus, Health, LevelChange};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Expected, Reason, Observed};
+use kou_estimator::{Estimate, Expected, Observed, Reason};
 
 /// Standard errors of the level that are no contradiction yet.
 const LEVEL_SIGMAS: f32 = 2.0;
@@ -225,7 +225,8 @@ mod tests {
         let believed = estimate(1.5 * LAW, 1.5, worn);
         assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
 
-        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
+        let suspected =
+            Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
         let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(told.observed, Err(Reason::SensorSuspected));
         assert_eq!(told.expected, Err(Reason::SensorSuspected));

@@ -1,8 +1,8 @@
 //! Estimates and health as messages: what stands in each is told by the catalogue, and here where it comes from.
 
-use kou_estimator::health::{Cause, GateClosed, Health, DtcStatus};
+use kou_estimator::health::{Cause, DtcStatus, GateClosed, Health};
 use kou_estimator::model::calibrated_region::Direction;
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Observed};
+use kou_estimator::{Channel, Estimate, Expected, Fault, Observed, Reason};
 
 use super::catalogue as c;
 use super::signal::{Absent, Signal};
