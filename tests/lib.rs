@@ -2,15 +2,15 @@
 //!
 //! A test that needs firmware or QEMU fails where they are missing; a skipped test would look like a passed one.
 
+mod keys;
 pub mod samples;
 
 use host_sim::pil::{PilError, PilOptions};
+pub use keys::TestKey;
 use kou_app::storage::MIN_BYTES;
-use kou_app::update::{Key, KeySource};
 use kou_emulation::RamFlash;
 use kou_estimator::{Calibration, Params, record};
 pub use kou_fixture::reference as reference_calibration;
-use samples::SplitMix64;
 
 /// The binary record of a calibration.
 #[must_use]
@@ -29,31 +29,6 @@ pub fn reference_params() -> Params {
 
 /// Flash of the smallest region allowed, as on the STM32G474 in dual-bank mode: eight pages of 2 KiB, words of 8 bytes.
 pub type TestFlash = RamFlash<{ MIN_BYTES as usize }, 2048>;
-
-/// An update key made for the test that uses it.
-#[derive(Debug, Clone)]
-pub struct TestKey(Key);
-
-impl TestKey {
-    /// The key of a seed.
-    #[must_use]
-    pub fn from_seed(seed: u64) -> Self {
-        let mut random = SplitMix64(seed);
-        Self(Key::new(std::array::from_fn(|_| random.next_u64() as u8)))
-    }
-
-    /// The key itself.
-    #[must_use]
-    pub fn key(&self) -> &Key {
-        &self.0
-    }
-}
-
-impl KeySource for TestKey {
-    fn update_key(&self) -> Option<Key> {
-        Some(self.0.clone())
-    }
-}
 
 /// The value of a run through QEMU; a panic with the set-up command where QEMU or firmware is missing.
 #[track_caller]
