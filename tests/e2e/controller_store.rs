@@ -19,14 +19,14 @@ use kou_app::controller::{
 };
 use kou_app::diagnostics::ResetCause;
 use kou_app::diagnostics::crash_log::{self, Note};
-use kou_app::diagnostics::{Code, FaultMemory};
+use kou_app::diagnostics::{FaultCode, FaultMemory};
 use kou_app::j1939::node::UPDATE;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{ConversionError, Input};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{CrashReport, HealthRecord, Life, MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::wire::Answer;
+use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, MIN_BYTES, Store, StoredCalibration};
+use kou_app::update::wire::UpdateAnswer;
 use kou_app::update::{Service, Session};
 use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
@@ -83,7 +83,7 @@ impl CanPort for UpdateToolPort<'_> {
         let mut tool = self.0.borrow_mut();
         if frame.id().pgn() == UPDATE {
             tool.waits = false;
-            let answer = frame.data().try_into().ok().and_then(Answer::from_bytes);
+            let answer = frame.data().try_into().ok().and_then(UpdateAnswer::from_bytes);
             tool.answers.extend(answer);
         }
         true
@@ -213,7 +213,7 @@ fn without_a_calibration_the_first_update_over_can_is_accepted_and_survives_a_re
     let crc = crc_of(&record_of(&reference_calibration()));
     assert_eq!(
         updated.tool.answers.last(),
-        Some(&Answer::Committed { crc }),
+        Some(&UpdateAnswer::Committed { crc }),
         "{:?}",
         updated.tool.answers.last()
     );
@@ -234,12 +234,12 @@ fn a_calibration_not_yet_handed_to_the_estimator_is_not_overwritten_by_pending_r
     // The update ends at 4 s; bus silence, a fault to be written, comes at 9 s; the estimator is polled again at 12 s.
     let run = run_with_pause(TestFlash::new(), None, power_on(), new, NOT_BUSY, 14_000, 2_400..12_000);
     let crc = crc_of(&record_of(&reference_calibration()));
-    assert_eq!(run.tool.answers.last(), Some(&Answer::Committed { crc }));
+    assert_eq!(run.tool.answers.last(), Some(&UpdateAnswer::Committed { crc }));
     let in_use = run.controller.calibration().map(|c| (c.source, c.crc));
     assert_eq!(in_use, Some((CalibrationSource::Stored, crc)));
     assert!(run.controller.output(Micros(Instant::now().as_micros())).is_ok());
     let stored = read::<FaultMemory>(&run.flash).unwrap();
-    assert!(stored.get(Code::BusSilent).is_some(), "written a cycle later: {stored:?}");
+    assert!(stored.get(FaultCode::BusSilent).is_some(), "written a cycle later: {stored:?}");
 }
 
 #[test]
@@ -255,8 +255,8 @@ fn a_rejected_stored_calibration_is_a_diagnostic_fault_and_other_records_are_sti
     let run = run(flash, None, power_on(), Vec::new(), NOT_BUSY, 9_000);
     assert_eq!(run.controller.calibration().map(|c| c.source), Some(CalibrationSource::None));
     let stored = read::<FaultMemory>(&run.flash).expect("diagnostic faults are stored");
-    assert!(stored.get(Code::CalibrationLost).is_some(), "{stored:?}");
-    let hours = read::<Life>(&run.flash).unwrap();
+    assert!(stored.get(FaultCode::CalibrationLost).is_some(), "{stored:?}");
+    let hours = read::<OperatingCounters>(&run.flash).unwrap();
     assert!(hours.operating_s >= 5, "{hours:?}");
 }
 
@@ -264,20 +264,20 @@ fn a_rejected_stored_calibration_is_a_diagnostic_fault_and_other_records_are_sti
 fn a_panic_is_recorded_with_its_message_and_operating_hours_continue() {
     let _guard = clock();
     let first = run(TestFlash::new(), None, power_on(), Vec::new(), NOT_BUSY, 9_000);
-    let hours = read::<Life>(&first.flash).unwrap();
-    assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
+    let hours = read::<OperatingCounters>(&first.flash).unwrap();
+    assert!((hours.starts, hours.unplanned_resets) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
     let text = "index out of bounds at src/x.rs:12";
     let note = Note { kind: crash_log::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
     // The hardware reports a requested reset.
     let begin = Begin { cause: ResetCause::Software, note: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
-    let life = read::<Life>(&second.flash).unwrap();
-    assert_eq!((life.starts, life.unasked, life.last_reset), (2, 1, ResetCause::Panic));
+    let life = read::<OperatingCounters>(&second.flash).unwrap();
+    assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));
     assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
     let stop = read::<CrashReport>(&second.flash).unwrap();
     assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
     let faults = read::<FaultMemory>(&second.flash).unwrap();
-    let entry = faults.get(Code::Panic).expect("it is in the fault memory");
+    let entry = faults.get(FaultCode::Panic).expect("it is in the fault memory");
     assert_eq!((entry.active, entry.first.operating_s), (false, hours.operating_s));
     // Faults of the start before are kept: the converter that does not answer occurs in both.
     let twice = faults.entries().iter().filter(|entry| entry.occurrences == 2).count();
@@ -294,7 +294,7 @@ fn a_failing_flash_is_a_diagnostic_fault_and_estimates_continue() {
     assert!(after.controller.output(Micros(Instant::now().as_micros())).is_ok());
     let is_active = after
         .controller
-        .faults(|memory| memory.active().any(|entry| entry.code() == Some(Code::StorageFailed)));
+        .faults(|memory| memory.active().any(|entry| entry.code() == Some(FaultCode::StorageFailed)));
     assert!(is_active);
     let [_, estimate, ..] = after.controller.vitals.read();
     assert_eq!((estimate.turns, estimate.missed), (599, 0));
@@ -305,8 +305,8 @@ fn missed_deadlines_are_a_diagnostic_fault() {
     let _guard = clock();
     let late = run(TestFlash::new(), None, power_on(), Vec::new(), Duration::from_millis(4), 7_000);
     let faults = read::<FaultMemory>(&late.flash);
-    let in_memory = late.controller.faults(|memory| memory.get(Code::Overrun).is_some());
+    let in_memory = late.controller.faults(|memory| memory.get(FaultCode::Overrun).is_some());
     assert!(in_memory, "{faults:?}");
     let (_, in_time) = (drop(late), run(TestFlash::new(), None, power_on(), Vec::new(), NOT_BUSY, 7_000));
-    assert!(in_time.controller.faults(|memory| memory.get(Code::Overrun).is_none()));
+    assert!(in_time.controller.faults(|memory| memory.get(FaultCode::Overrun).is_none()));
 }

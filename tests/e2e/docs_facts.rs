@@ -5,7 +5,7 @@ use std::path::Path;
 
 use kou_app::diagnostics::FaultMemory;
 
-use kou_app::storage::{CrashReport, HealthRecord, Life, Record, StoredCalibration, UpdateCounter};
+use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, StoredCalibration, UpdateCounter};
 use kou_estimator::record::calibration;
 use kou_lumped::machine;
 use kou_pil::link;
@@ -78,7 +78,7 @@ fn numbers_in_the_documents_are_those_of_the_code() {
         lists::<StoredCalibration<'_>>("calibration"),
         lists::<HealthRecord>("health"),
         lists::<FaultMemory>("faults"),
-        lists::<Life>("life"),
+        lists::<OperatingCounters>("life"),
         lists::<UpdateCounter>("update counter"),
         lists::<CrashReport>("stop"),
     ];

@@ -2,9 +2,9 @@
 
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{
-    BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, Healed, HealthRecord, OperatingCounters, MIN_BYTES, Store, StoreError, StoredCalibration,
 };
 use kou_emulation::ram_flash::Torn;
 use kou_tests::samples::{SplitMix64, learned};
@@ -17,7 +17,7 @@ struct RecordSet {
     calibration: Vec<u8>,
     health: HealthRecord,
     faults: FaultMemory,
-    life: Life,
+    life: OperatingCounters,
 }
 
 fn version(number: u32) -> RecordSet {
@@ -25,10 +25,10 @@ fn version(number: u32) -> RecordSet {
     calibration.law.c += 1e-4 * f32::from(u16::try_from(number).unwrap());
     let calibration = record_of(&calibration);
     let mut faults = FaultMemory::new();
-    for (i, code) in Code::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
-        faults.confirmed(code, Snapshot::at(1000 * number + i as u32));
+    for (i, code) in FaultCode::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
+        faults.confirmed(code, FreezeFrame::at(1000 * number + i as u32));
     }
-    let mut life = Life::new();
+    let mut life = OperatingCounters::new();
     life.started(ResetCause::Watchdog);
     life.ran(360 * number);
     let health = HealthRecord { calibration_crc: number, state: learned(number) };
@@ -40,7 +40,7 @@ enum RecordKind {
     Calibration,
     Health,
     Faults,
-    Life,
+    OperatingCounters,
 }
 
 const RECORD_KINDS: [RecordKind; 4] =
@@ -79,7 +79,7 @@ fn found(store: &mut Store<TestFlash>, kind: RecordKind, candidates: &[&RecordSe
                 candidates.iter().position(|c| c.faults.entries() == read.entries())
             }
             RecordKind::Life => {
-                let read = store.read::<Life>().await.unwrap()?;
+                let read = store.read::<OperatingCounters>().await.unwrap()?;
                 candidates.iter().position(|c| c.life == read)
             }
         })
@@ -246,7 +246,7 @@ fn prop_random_damage_yields_a_written_record_or_an_error_and_erasing_recovers()
                         .read::<FaultMemory>()
                         .await
                         .map(|r| r.is_none_or(|r| r.entries() == old.faults.entries())),
-                    RecordKind::Life => damaged.read::<Life>().await.map(|r| r.is_none_or(|r| r == old.life)),
+                    RecordKind::Life => damaged.read::<OperatingCounters>().await.map(|r| r.is_none_or(|r| r == old.life)),
                 }
             });
             assert_ne!(read, Ok(false), "{kind:?}");

@@ -25,7 +25,7 @@ use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{ConversionError, Counts, Input, request};
 use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, Store};
+use kou_app::storage::{HealthRecord, OperatingCounters, Store};
 use kou_app::update::{NoKey, Service, Session};
 use kou_emulation::RamFlash;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE};
@@ -250,14 +250,14 @@ fn check_flash(
 ) {
     let store = storage_task.service().store();
     let (life, health, faults) = block_on(async {
-        let life = store.read::<Life>().await.expect("readable").expect("written");
+        let life = store.read::<OperatingCounters>().await.expect("readable").expect("written");
         let health = store.read::<HealthRecord>().await.expect("readable").expect("written");
         (life, health, store.read::<FaultMemory>().await.expect("readable").expect("written"))
     });
     // Written every ten minutes, one record a second: the last one is at most that old.
     let seconds = u32::try_from(60 * minutes).expect("a week fits");
     assert!(life.operating_s <= seconds && life.operating_s + 610 > seconds, "{life:?}");
-    assert_eq!((life.starts, life.unasked), (1, 0));
+    assert_eq!((life.starts, life.unplanned_resets), (1, 0));
     assert!(health.state.is_sound());
     // The oil sensor fails in every minute; what is in flash is at most the schedule's ten minutes behind.
     let oil =

@@ -14,8 +14,8 @@ fn every_command_and_answer_survives_encoding_and_decoding() {
         }
         let mut bytes = bytes;
         bytes[0] = [0x81, 0x82, 0x83, 0x84, 0x91, 0x92, 0x7F, bytes[0]][random.below(8)];
-        if let Some(answer) = Answer::from_bytes(bytes) {
-            assert_eq!(Answer::from_bytes(answer.to_bytes()), Some(answer));
+        if let Some(answer) = UpdateAnswer::from_bytes(bytes) {
+            assert_eq!(UpdateAnswer::from_bytes(answer.to_bytes()), Some(answer));
         }
     }
     for reason in RejectReason::ALL {

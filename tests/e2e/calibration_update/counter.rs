@@ -22,7 +22,7 @@ fn an_unusable_stored_calibration_is_a_diagnostic_fault_and_without_a_known_coun
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, Some(Code::CalibrationLost)));
+    assert_eq!((loaded.counter, loaded.trouble), (8, Some(FaultCode::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
     controller.assert_rejected(transfer(&old, 9, &key).commands(), RejectReason::Record);
     // Of a layout that it does not read at all, and without a record of the counter: any update could be a replay.
@@ -50,7 +50,7 @@ fn the_counter_is_read_from_its_own_record_where_the_calibration_record_cannot_b
     let new = record_of(&changed(0.001));
     controller.assert_rejected(transfer(&new, 8, &key).commands(), RejectReason::OldCounter);
     let answer = controller.send(transfer(&new, 9, &key).commands());
-    assert!(matches!(answer, Some(Answer::Committed { .. })), "{answer:?}");
+    assert!(matches!(answer, Some(UpdateAnswer::Committed { .. })), "{answer:?}");
     assert_eq!((controller.start(), controller.counter), (CalibrationSource::Stored, 9));
 }
 

@@ -19,10 +19,10 @@ use kou_app::calibration::CalibrationSource;
 use kou_app::calibration::MachineIdentity;
 use kou_app::calibration::load;
 use kou_app::diagnostics::RejectReason;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
 use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, Transfer};
+use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, UpdateTransfer};
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Params};
 use kou_tests::samples::SplitMix64;
@@ -80,7 +80,7 @@ impl UpdateBench {
 
     fn handle(&mut self, outcome: Outcome) -> Option<Answer> {
         if let Some(reason) = outcome.refused {
-            self.faults.happened(Code::UpdateRefused(reason), Snapshot::at(1));
+            self.faults.happened(FaultCode::UpdateRefused(reason), FreezeFrame::at(1));
         }
         let outcome = match outcome.todo {
             None => outcome,
@@ -119,7 +119,7 @@ impl UpdateBench {
         let mut last = None;
         for command in commands {
             last = self.receive(TOOL, command.to_bytes());
-            if matches!(last, Some(Answer::Refused { .. }) | None) {
+            if matches!(last, Some(UpdateAnswer::Rejected { .. }) | None) {
                 break;
             }
         }
@@ -136,10 +136,10 @@ impl UpdateBench {
     fn assert_rejected(&mut self, commands: impl IntoIterator<Item = Command>, why: RejectReason) {
         let before = self.snapshot();
         let occurred =
-            |faults: &FaultMemory| faults.get(Code::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);
+            |faults: &FaultMemory| faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);
         let count = occurred(&self.faults);
         match self.send(commands) {
-            Some(Answer::Refused { why: found, .. }) => assert_eq!(found, why),
+            Some(UpdateAnswer::Rejected { reason: found, .. }) => assert_eq!(found, why),
             other => panic!("{other:?} instead of {why:?}"),
         }
         assert_eq!(occurred(&self.faults), count + 1, "{why:?} is logged");
@@ -154,5 +154,5 @@ fn changed(by: f32) -> Calibration {
 }
 
 fn transfer(record: &[u8], counter: u32, key: &TestKey) -> Transfer {
-    Transfer::new(record, counter, key.key()).unwrap()
+    UpdateTransfer::new(record, counter, key.key()).unwrap()
 }

@@ -13,7 +13,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     let key = TestKey::from_seed(1);
     let mut controller = UpdateBench::new(TestKey::from_seed(1));
     let first = record_of(&changed(0.001));
-    assert!(matches!(controller.send(transfer(&first, 5, &key).commands()), Some(Answer::Committed { .. })));
+    assert!(matches!(controller.send(transfer(&first, 5, &key).commands()), Some(UpdateAnswer::Committed { .. })));
     let new = record_of(&changed(0.002));
     let good = transfer(&new, 6, &key);
     let commands: Vec<Command> = good.commands().collect();
@@ -23,8 +23,8 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     let mut tampered = new.clone();
     tampered[100] ^= 1;
     let tag = mac::tag(key.key(), 6, &new).unwrap();
-    controller.assert_rejected(Transfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
-    controller.assert_rejected(Transfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
+    controller.assert_rejected(UpdateTransfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
+    controller.assert_rejected(UpdateTransfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
     // Replay.
     controller.assert_rejected(transfer(&first, 5, &key).commands(), RejectReason::OldCounter);
     controller.assert_rejected(transfer(&new, 4, &key).commands(), RejectReason::OldCounter);
@@ -68,16 +68,16 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     // A tool that falls silent; a second tool that interferes.
     let _ = controller.send(commands[..20].to_vec());
     let interrupted = controller.receive(0xFA, commands[0].to_bytes());
-    assert!(matches!(interrupted, Some(Answer::Refused { why: RejectReason::Busy, .. })));
+    assert!(matches!(interrupted, Some(UpdateAnswer::Rejected { reason: RejectReason::Busy, .. })));
     controller.now.0 += 1_000_001;
     let outcome = controller.session.poll(controller.now);
     assert_eq!(outcome.refused, Some(RejectReason::TimeOut));
     assert!(controller.handle(outcome).is_some() && controller.session.is_idle());
     // A command of no version.
     let unknown = controller.receive(TOOL, [0x77; 8]);
-    assert!(matches!(unknown, Some(Answer::Refused { why: RejectReason::Unknown, .. })));
+    assert!(matches!(unknown, Some(UpdateAnswer::Rejected { reason: RejectReason::Unknown, .. })));
     for why in [RejectReason::TimeOut, RejectReason::Busy, RejectReason::Unknown] {
-        assert!(controller.faults.get(Code::UpdateRefused(why)).is_some(), "{why:?} is logged");
+        assert!(controller.faults.get(FaultCode::UpdateRefused(why)).is_some(), "{why:?} is logged");
     }
     // A flash that fails.
     controller.store.flash().cut_after(300, Torn::Clean);
@@ -104,7 +104,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     assert_eq!(controller.snapshot().0, 5);
 
     // After all of these, a good update is still accepted.
-    assert!(matches!(controller.send(commands), Some(Answer::Committed { .. })));
+    assert!(matches!(controller.send(commands), Some(UpdateAnswer::Committed { .. })));
     assert_eq!(controller.counter, 6);
 }
 

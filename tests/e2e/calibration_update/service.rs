@@ -36,19 +36,19 @@ fn the_service_adopts_an_update_and_reads_back_the_stored_records() {
         (last, place)
     };
     let (rejected, place) = send(&mut service, 1, &TestKey::from_seed(2), false);
-    assert_eq!(rejected.trouble, Some(Code::UpdateRefused(RejectReason::Mac)));
+    assert_eq!(rejected.trouble, Some(FaultCode::UpdateRefused(RejectReason::Mac)));
     assert!(rejected.adopted.is_none() && place.is_none());
-    assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(Code::UpdateRefused(RejectReason::Loaded)));
+    assert_eq!(send(&mut service, 1, &key, true).0.trouble, Some(FaultCode::UpdateRefused(RejectReason::Loaded)));
     let (accepted, place) = send(&mut service, 1, &key, false);
     let crc = record::crc32(&record[..record.len() - 4]);
-    assert_eq!(accepted.answer, Some((TOOL, Answer::Committed { crc })));
+    assert_eq!(accepted.answer, Some((TOOL, UpdateAnswer::Committed { crc })));
     assert_eq!(accepted.adopted.map(|state| state.crc), Some(crc));
     assert_eq!(place, Some(Params::new(&changed(0.001)).unwrap()));
     let stored = block_on(service.store().read::<UpdateCounter>()).unwrap();
     assert_eq!(stored, Some(UpdateCounter { counter: 1 }));
     assert_eq!(
         send(&mut service, 1, &key, false).0.trouble,
-        Some(Code::UpdateRefused(RejectReason::OldCounter))
+        Some(FaultCode::UpdateRefused(RejectReason::OldCounter))
     );
     // What is read is what is in use now; learned state only where there is one.
     let read = |service: &mut Service<'_, _, TestKey>, what| {
@@ -56,22 +56,22 @@ fn the_service_adopts_an_update_and_reads_back_the_stored_records() {
         block_on(service.receive(Micros(0), TOOL, command, false, &mut None::<Params>)).answer.unwrap().1
     };
     let length = u16::try_from(record.len()).unwrap();
-    assert_eq!(read(&mut service, 1), Answer::ToBeRead { what: 1, length, crc: record::crc32(&record) });
-    assert!(matches!(read(&mut service, 2), Answer::Refused { why: RejectReason::NothingStored, .. }));
+    assert_eq!(read(&mut service, 1), UpdateAnswer::ReadReady { what: 1, length, crc: record::crc32(&record) });
+    assert!(matches!(read(&mut service, 2), UpdateAnswer::Rejected { reason: RejectReason::NothingStored, .. }));
     let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
     block_on(service.keep(&health)).unwrap();
-    assert!(matches!(read(&mut service, 2), Answer::ToBeRead { what: 2, .. }));
-    assert!(matches!(read(&mut service, 3), Answer::Refused { why: RejectReason::NothingStored, .. }));
+    assert!(matches!(read(&mut service, 2), UpdateAnswer::ReadReady { what: 2, .. }));
+    assert!(matches!(read(&mut service, 3), UpdateAnswer::Rejected { reason: RejectReason::NothingStored, .. }));
     assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a read-back may stop at any segment");
     // A flash that fails during the write: rejected, nothing adopted, further updates rejected until a restart.
     service.store().flash().cut_after(300, Torn::Clean);
     let (failed, place) = send(&mut service, 2, &key, false);
-    assert_eq!(failed.trouble, Some(Code::UpdateRefused(RejectReason::Storage)));
+    assert_eq!(failed.trouble, Some(FaultCode::UpdateRefused(RejectReason::Storage)));
     assert!(failed.adopted.is_none() && place.is_none());
     service.store().flash().power_on();
     assert_eq!(
         send(&mut service, 3, &key, false).0.trouble,
-        Some(Code::UpdateRefused(RejectReason::OldCounter))
+        Some(FaultCode::UpdateRefused(RejectReason::OldCounter))
     );
 }
 

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process;
 
 use kou_app::calibration::{CalibrationSource, CalibrationState};
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received};
 use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Session, Transfer};
+use kou_app::update::{Guard, Session, UpdateTransfer};
 use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
@@ -56,10 +56,10 @@ fn capture() -> (BusCapture, Value) {
         let health: Health = estimate.health;
         // Diagnostic faults come one by one and go: single frames first, multi-packet lists later.
         match tick {
-            400 => faults.confirmed(Code::Sensor(Channel::HighPressure, Fault::Open), Snapshot::at(4)),
-            800 => faults.confirmed(Code::Wear, Snapshot::at(8)),
-            1000 => faults.confirmed(Code::CalibrationLost, Snapshot::at(10)),
-            1500 => faults.healed(Code::Wear),
+            400 => faults.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
+            800 => faults.confirmed(FaultCode::Wear, FreezeFrame::at(8)),
+            1000 => faults.confirmed(FaultCode::CalibrationLost, FreezeFrame::at(10)),
+            1500 => faults.healed(FaultCode::Wear),
             _ => {}
         }
         for (at, pgn) in [(300, c::DM2.pgn), (1700, c::DM2.pgn), (350, Pgn::new(65253)), (360, c::DM1.pgn)] {
@@ -128,7 +128,7 @@ fn capture() -> (BusCapture, Value) {
 fn capture_update(capture: &mut BusCapture, node: &Node, begin: Micros) {
     let key = key();
     let record = record_of(&reference_calibration());
-    let transfer = Transfer::new(&record, 1, key.key()).unwrap();
+    let transfer = UpdateTransfer::new(&record, 1, key.key()).unwrap();
     let mut session = Session::new();
     let guard = Guard { loaded: false, keys: &key, counter: 0, machine: None };
     let bytes = |first: (&str, &str), data: &[u8; 8]| {
@@ -159,13 +159,13 @@ fn capture_update(capture: &mut BusCapture, node: &Node, begin: Micros) {
         }
         let (tool, answer) = outcome.answer.unwrap();
         let answer_name = match answer {
-            Answer::Begun => "begun",
-            Answer::Taken { .. } => "taken",
-            Answer::Committed { .. } => "committed",
-            Answer::Aborted => "aborted",
-            Answer::ToBeRead { .. } => "to be read",
-            Answer::Segment { .. } => "segment",
-            Answer::Refused { .. } => "refused",
+            UpdateAnswer::Begun => "begun",
+            UpdateAnswer::SegmentAccepted { .. } => "taken",
+            UpdateAnswer::Committed { .. } => "committed",
+            UpdateAnswer::Aborted => "aborted",
+            UpdateAnswer::ReadReady { .. } => "to be read",
+            UpdateAnswer::Segment { .. } => "segment",
+            UpdateAnswer::Rejected { .. } => "refused",
         };
         let data = answer.to_bytes();
         let frame = node.update_answer(tool, data).unwrap();

@@ -4,11 +4,11 @@ use embassy_futures::block_on;
 use kou_app::calibration::CalibrationState;
 use kou_app::calibration::MachineIdentity;
 use kou_app::diagnostics::RejectReason;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Name, Node, Outputs, Pgn, Received};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::{Guard, Session, Todo, Transfer};
+use kou_app::update::{Guard, Session, Todo, UpdateTransfer};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Reason};
 use kou_tests::samples::SplitMix64;
@@ -83,7 +83,7 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
     };
     let counter = 9;
     // What the attacker recorded: the last accepted update, and one of it begun under a newer counter.
-    let transfer = Transfer::new(&record, counter, key.key()).unwrap();
+    let transfer = UpdateTransfer::new(&record, counter, key.key()).unwrap();
     let mut genuine: Vec<Frame> = transfer
         .commands()
         .map(|command| Frame::new(Id::new(7, c::UPDATE_COMMAND.pgn, ADDRESS, TOOL), command.to_bytes()))
@@ -138,7 +138,7 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
             begun += u32::from(outcome.answer.is_some() && outcome.refused.is_none());
             rejections += u32::from(outcome.refused.is_some());
             if let Some(why) = outcome.refused {
-                faults.happened(Code::UpdateRefused(why), Snapshot::at(0));
+                faults.happened(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
             }
         }
         session.poll(now);
@@ -160,7 +160,7 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
     }
     assert!(*store.flash().cells() == cells, "flash is untouched");
     // The last check was reached: a complete recording under a newer counter, rejected by its tag.
-    assert!(faults.get(Code::UpdateRefused(RejectReason::Mac)).is_some());
+    assert!(faults.get(FaultCode::UpdateRefused(RejectReason::Mac)).is_some());
     println!(
         "{readings} readings, {rejections} rejections, {begun} commands accepted, address lost {lost} times"
     );

@@ -11,7 +11,7 @@ mod layout;
 use std::path::{Path, PathBuf};
 
 use kou_app::diagnostics::FaultMemory;
-use kou_app::storage::{CrashReport, HealthRecord, Life, Record, UpdateCounter};
+use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, UpdateCounter};
 use kou_estimator::{Calibration, State, record};
 use layout::RecordLayout;
 use serde::Deserialize;
@@ -52,7 +52,7 @@ fn every_record_has_the_layout_that_its_schema_says() {
     let wrong = [
         of!(HealthRecord),
         of!(FaultMemory),
-        of!(Life),
+        of!(OperatingCounters),
         of!(UpdateCounter),
         of!(CrashReport),
         compare("calibration_record", record::calibration::SCHEMA, &layout::of::<Calibration>()),
@@ -67,10 +67,10 @@ fn a_changed_layout_is_detected() {
     /// The record with one more field.
     #[derive(serde::Serialize, serde::Deserialize)]
     struct WithMoreFields {
-        life: Life,
+        life: OperatingCounters,
         more: u8,
     }
-    let known = compare("life", <Life as Record<'_>>::SCHEMA, &layout::of::<Life>());
+    let known = compare("life", <Life as Record<'_>>::SCHEMA, &layout::of::<OperatingCounters>());
     let changed = compare("life", <Life as Record<'_>>::SCHEMA, &layout::of::<WithMoreFields>());
     assert!(known.is_none() && changed.is_some_and(|text| text.contains("raise its SCHEMA")));
 }

@@ -127,8 +127,8 @@ fn choose(
         Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
         Err(error) => {
             trouble = Some(match error {
-                StoreError::Schema { .. } | StoreError::Body(_) => Code::CalibrationLost,
-                _ => Code::StorageFailed,
+                StoreError::Schema { .. } | StoreError::Body(_) => FaultCode::CalibrationLost,
+                _ => FaultCode::StorageFailed,
             });
             (known.unwrap_or(u32::MAX), &[][..])
         }
@@ -137,7 +137,7 @@ fn choose(
     if !record.is_empty() {
         found = live(record, CalibrationSource::Stored, place);
         if found.is_none() {
-            trouble = Some(Code::CalibrationLost);
+            trouble = Some(FaultCode::CalibrationLost);
         }
     }
     if found.is_none() {

@@ -71,7 +71,7 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
 
     fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
         let seconds = self.controller.operating_s(now);
-        let snapshot = sample.map_or(Snapshot::at(seconds), |sample| Snapshot::of(seconds, sample));
+        let snapshot = sample.map_or(FreezeFrame::at(seconds), |sample| FreezeFrame::of(seconds, sample));
         let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
         let is_lost = self.node.is_silenced();
@@ -85,19 +85,19 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
                     continue;
                 }
                 if let Some(fault) = *before {
-                    faults.healed(Code::Sensor(channel, fault));
+                    faults.healed(FaultCode::Sensor(channel, fault));
                 }
                 if let Some(fault) = fault {
-                    faults.confirmed(Code::Sensor(channel, fault), snapshot);
-                    *came = Some(Code::Sensor(channel, fault));
+                    faults.confirmed(FaultCode::Sensor(channel, fault), snapshot);
+                    *came = Some(FaultCode::Sensor(channel, fault));
                 }
                 *before = fault;
             }
             if let Some(estimate) = estimate {
-                faults.follows(Code::Wear, estimate.health.wear, snapshot);
-                faults.follows(Code::SensorSuspect, estimate.health.sensor, snapshot);
+                faults.follows(FaultCode::Wear, estimate.health.wear, snapshot);
+                faults.follows(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
             }
-            for (code, is_there) in [(Code::BusSilent, is_silent), (Code::AddressLost, is_lost)] {
+            for (code, is_there) in [(FaultCode::BusSilent, is_silent), (FaultCode::AddressLost, is_lost)] {
                 if is_there {
                     faults.confirmed(code, snapshot);
                 } else {
@@ -236,7 +236,7 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
         turn(&mut bus, 0, Some(&sample));
-        let code = Code::Sensor(Channel::PumpSpeed, Fault::Open);
+        let code = FaultCode::Sensor(Channel::PumpSpeed, Fault::Open);
         assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
         sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
         turn(&mut bus, 10, Some(&sample));
@@ -249,7 +249,7 @@ mod tests {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         let is_active =
-            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(Code::BusSilent)));
+            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(FaultCode::BusSilent)));
         for ms in (0..=5_000).step_by(10) {
             turn(&mut bus, ms, None);
             assert!(!is_active(), "{ms}");

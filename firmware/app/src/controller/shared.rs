@@ -106,7 +106,7 @@ impl<M: RawMutex> Controller<M> {
     /// What is measured now, at the present operating time.
     pub(super) fn snapshot(&self) -> Snapshot {
         let operating_s = self.operating_s(now());
-        self.sample().map_or(Snapshot::at(operating_s), |sample| Snapshot::of(operating_s, &sample))
+        self.sample().map_or(FreezeFrame::at(operating_s), |sample| FreezeFrame::of(operating_s, &sample))
     }
 
     pub(super) fn happened(&self, code: Code) {

@@ -26,7 +26,7 @@ use crate::diagnostics::crash_log;
 use crate::diagnostics::{Code, FaultMemory, Note, ResetCause};
 use crate::log::{info, warning};
 use crate::outlined_await::await_outlined;
-use crate::storage::{CrashReport, HealthRecord, Kind, Life, Record, StoreError};
+use crate::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Record, StoreError};
 use crate::update::{Handled, KeySource, Service, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
@@ -51,7 +51,7 @@ pub struct StorageTask<'d, F: NorFlash, K> {
     /// What the run before left.
     stop: Option<CrashReport>,
     /// Hours and starts as they were at the start of this run.
-    life: Life,
+    life: OperatingCounters,
     least_difference: Megapascal,
     /// Level, its error and changes of learned health when it was last written.
     written: Option<(u32, u32, u16)>,
@@ -67,7 +67,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
             schedule: Schedule::new(rates),
             cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
             stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
-            life: Life::new(),
+            life: OperatingCounters::new(),
             least_difference: UNCALIBRATED_LEAST,
             written: None,
             faults_changed: false,
@@ -218,7 +218,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
             controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
-            controller.happened(Code::Overrun);
+            controller.happened(FaultCode::Overrun);
         }
         self.missed = missed;
     }
@@ -250,10 +250,10 @@ fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16
 
 fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
     match result {
-        Ok(()) => controller.healed(Code::StorageFailed),
+        Ok(()) => controller.healed(FaultCode::StorageFailed),
         Err(error) => {
             warning!("the flash refuses: {}", error);
-            controller.confirmed(Code::StorageFailed);
+            controller.confirmed(FaultCode::StorageFailed);
         }
     }
 }

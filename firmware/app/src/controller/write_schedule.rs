@@ -31,7 +31,7 @@ pub enum WriteScheduleError {
     /// [`WriteScheduleConfig::health_s`] is not within 1 to 86 400 s.
     Health,
     /// [`WriteScheduleConfig::life_s`] is not within 1 to 86 400 s.
-    Life,
+    OperatingCounters,
     /// [`WriteScheduleConfig::fault_burst`] is 0, or [`WriteScheduleConfig::fault_refill_s`] not within 1 to 86 400 s.
     Faults,
 }
@@ -58,7 +58,7 @@ impl WriteScheduleParams {
             return Err(WriteScheduleError::Health);
         }
         if !is_span(config.life_s) {
-            return Err(WriteScheduleError::Life);
+            return Err(WriteScheduleError::OperatingCounters);
         }
         if config.fault_burst == 0 || !is_span(config.fault_refill_s) {
             return Err(WriteScheduleError::Faults);
@@ -78,7 +78,7 @@ pub(super) enum Due {
     Nothing,
     Faults,
     Health,
-    Life,
+    OperatingCounters,
 }
 
 /// When what was written last, in seconds since the start.
@@ -119,7 +119,7 @@ impl Schedule {
         }
         if since(self.life_at_s) >= self.params.life_s {
             self.life_at_s = now_s;
-            return Due::Life;
+            return Due::OperatingCounters;
         }
         Due::Nothing
     }
@@ -142,7 +142,7 @@ mod tests {
         let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
             (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
-            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::Life),
+            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
             (WriteScheduleConfig { fault_burst: 0, ..good }, WriteScheduleError::Faults),
             (WriteScheduleConfig { fault_refill_s: 0, ..good }, WriteScheduleError::Faults),
         ] {
@@ -163,7 +163,7 @@ mod tests {
         let due: std::vec::Vec<Due> =
             (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
         let count = |what| due.iter().filter(|one| **one == what).count();
-        assert_eq!((count(Due::Life), count(Due::Health), count(Due::Faults)), (10, 5, 0));
+        assert_eq!((count(Due::OperatingCounters), count(Due::Health), count(Due::Faults)), (10, 5, 0));
     }
 
     #[test]

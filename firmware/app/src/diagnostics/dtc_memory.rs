@@ -146,7 +146,7 @@ impl Troubles {
     #[must_use]
     pub fn lamp(&self) -> Lamp {
         let lit = |trouble: &Trouble| {
-            trouble.active && Code::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+            trouble.active && FaultCode::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
         };
         if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
     }
@@ -156,14 +156,14 @@ impl Entry {
     /// What it is, where this version knows.
     #[must_use]
     pub fn code(&self) -> Option<Code> {
-        Code::from_dtc(self.dtc)
+        FaultCode::from_dtc(self.dtc)
     }
 
     /// How much it is worth keeping: the larger, the more.
     fn rank(&self) -> (u8, u32) {
         let importance = match self.code() {
             _ if self.active => 2,
-            Some(Code::UpdateRefused(_)) => 0,
+            Some(FaultCode::UpdateRefused(_)) => 0,
             _ => 1,
         };
         (importance, self.last.operating_s)
@@ -319,7 +319,7 @@ mod tests {
     use crate::diagnostics::RejectReason;
 
     fn sensor(fault: Fault) -> Code {
-        Code::Sensor(Channel::HighPressure, fault)
+        FaultCode::Sensor(Channel::HighPressure, fault)
     }
 
     #[test]
@@ -329,14 +329,14 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
         sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
-        memory.confirmed(code, Snapshot::of(100, &sample));
-        memory.confirmed(code, Snapshot::at(101));
+        memory.confirmed(code, FreezeFrame::of(100, &sample));
+        memory.confirmed(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, DtcStatus::Pending, Snapshot::at(150));
+        memory.follows(code, DtcStatus::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, DtcStatus::Healed, Snapshot::at(200));
+        memory.follows(code, DtcStatus::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
-        memory.confirmed(code, Snapshot::at(300));
+        memory.confirmed(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();
         assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
@@ -349,31 +349,31 @@ mod tests {
     #[test]
     fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
         let mut memory = FaultMemory::new();
-        memory.confirmed(sensor(Fault::Open), Snapshot::at(1));
-        memory.happened(Code::Watchdog, Snapshot::at(2));
+        memory.confirmed(sensor(Fault::Open), FreezeFrame::at(1));
+        memory.happened(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
             for refusal in RejectReason::ALL {
-                memory.happened(Code::UpdateRefused(refusal), Snapshot::at(10 + round));
+                memory.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
             }
         }
-        assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(Code::Watchdog).is_some());
+        assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
         assert_eq!(memory.entries().len(), CAPACITY);
         // And what happens to the machine finds a place in the full memory.
-        memory.confirmed(Code::Wear, Snapshot::at(50));
-        assert!(memory.get(Code::Wear).is_some());
+        memory.confirmed(FaultCode::Wear, FreezeFrame::at(50));
+        assert!(memory.get(FaultCode::Wear).is_some());
     }
 
     #[test]
     fn active_troubles_are_never_pushed_out_and_the_rest_is_counted() {
         let mut memory = FaultMemory::new();
-        let codes: std::vec::Vec<Code> = Code::all().take(CAPACITY + 3).collect();
+        let codes: std::vec::Vec<Code> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
-            memory.confirmed(*code, Snapshot::at(i as u32));
+            memory.confirmed(*code, FreezeFrame::at(i as u32));
         }
         assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
         assert_eq!(memory.lost(), 3);
         memory.healed(codes[4]);
-        memory.confirmed(codes[CAPACITY], Snapshot::at(99));
+        memory.confirmed(codes[CAPACITY], FreezeFrame::at(99));
         assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
         memory.clear_previous();
         assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
@@ -383,8 +383,8 @@ mod tests {
     fn occurrences_stay_at_what_the_bus_can_tell() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
-            memory.happened(Code::Watchdog, Snapshot::at(i));
+            memory.happened(FaultCode::Watchdog, FreezeFrame::at(i));
         }
-        assert_eq!(memory.get(Code::Watchdog).unwrap().occurrences, 126);
+        assert_eq!(memory.get(FaultCode::Watchdog).unwrap().occurrences, 126);
     }
 }

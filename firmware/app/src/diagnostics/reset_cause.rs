@@ -31,9 +31,9 @@ impl ResetCause {
     #[must_use]
     pub const fn trouble(self) -> Option<Code> {
         match self {
-            Self::BrownOut => Some(Code::BrownOut),
-            Self::Watchdog => Some(Code::Watchdog),
-            Self::Panic => Some(Code::Panic),
+            Self::BrownOut => Some(FaultCode::BrownOut),
+            Self::Watchdog => Some(FaultCode::Watchdog),
+            Self::Panic => Some(FaultCode::Panic),
             Self::PowerOn | Self::Software | Self::Pin | Self::Unknown => None,
         }
     }

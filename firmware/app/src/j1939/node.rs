@@ -98,13 +98,13 @@ impl Node {
         self.claim.address()
     }
 
-    /// Whether every address was lost, which is [`crate::diagnostics::Code::AddressLost`].
+    /// Whether every address was lost, which is [`crate::diagnostics::FaultCode::AddressLost`].
     #[must_use]
     pub fn is_silenced(&self) -> bool {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::diagnostics::Code::BusSilent`].
+    /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
     pub fn heard(&self) -> Option<Micros> {
         self.heard

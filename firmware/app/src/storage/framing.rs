@@ -42,7 +42,7 @@ pub enum Kind {
 impl Kind {
     /// Every kind.
     pub const ALL: [Self; 6] =
-        [Self::Calibration, Self::Health, Self::Faults, Self::Life, Self::UpdateCounter, Self::Stop];
+        [Self::Calibration, Self::Health, Self::Faults, Self::OperatingCounters, Self::UpdateCounter, Self::Stop];
 
     /// Name as reports print it.
     #[must_use]

@@ -17,5 +17,5 @@ pub mod records;
 pub mod store;
 
 pub use framing::{Kind, Record};
-pub use records::{CrashReport, HealthRecord, Life, StoredCalibration, UpdateCounter};
+pub use records::{CrashReport, HealthRecord, OperatingCounters, StoredCalibration, UpdateCounter};
 pub use store::{BUFFER_LEN, Healed, MIN_BYTES, RegionError, Store, StoreError};

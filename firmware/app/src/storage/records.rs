@@ -102,7 +102,7 @@ impl Life {
         self.starts = self.starts.saturating_add(1);
         self.last_reset = cause;
         if cause.trouble().is_some() {
-            self.unasked = self.unasked.saturating_add(1);
+            self.unplanned_resets = self.unplanned_resets.saturating_add(1);
         }
     }
 
@@ -113,6 +113,6 @@ impl Life {
 }
 
 impl Record<'_> for Life {
-    const KIND: Kind = Kind::Life;
+    const KIND: Kind = Kind::OperatingCounters;
     const SCHEMA: u16 = 1;
 }

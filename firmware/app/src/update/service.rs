@@ -42,7 +42,7 @@ pub struct Opened {
 
 impl From<Outcome> for Handled {
     fn from(outcome: Outcome) -> Self {
-        Self { answer: outcome.answer, trouble: outcome.refused.map(Code::UpdateRefused), adopted: None }
+        Self { answer: outcome.answer, trouble: outcome.refused.map(FaultCode::UpdateRefused), adopted: None }
     }
 }
 
@@ -159,13 +159,13 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
         if handled.adopted.is_none() {
             // What is in flash now is known again after a restart; until then nothing more is written over it.
             self.counter = u32::MAX;
-            handled.trouble = Some(Code::UpdateRefused(RejectReason::Storage));
+            handled.trouble = Some(FaultCode::UpdateRefused(RejectReason::Storage));
             return handled;
         }
         self.counter = counter;
         if self.store.write(&UpdateCounter { counter }).await.is_err() {
             // The calibration's own counter holds; the next start tries again.
-            handled.trouble = Some(Code::StorageFailed);
+            handled.trouble = Some(FaultCode::StorageFailed);
         }
         handled
     }

@@ -107,7 +107,7 @@ pub enum Todo {
 pub struct Outcome {
     /// To be sent back to this address.
     pub answer: Option<(u8, Answer)>,
-    /// To be recorded as [`crate::diagnostics::Code::UpdateRefused`].
+    /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
     pub refused: Option<RejectReason>,
     /// To be done.
     pub todo: Option<Todo>,
@@ -119,7 +119,7 @@ impl Outcome {
     }
 
     fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
-        Self { refused: Some(why), ..Self::answer(to, Answer::Refused { command, why, detail }) }
+        Self { refused: Some(why), ..Self::answer(to, UpdateAnswer::Rejected { command, why, detail }) }
     }
 
     fn todo(todo: Todo) -> Self {
@@ -205,12 +205,12 @@ impl Session {
             (Command::Begin { length, counter }, _) => {
                 self.stage = begin(usize::from(length), counter, guard)?;
                 self.tool = tool;
-                Ok(Outcome::answer(tool, Answer::Begun))
+                Ok(Outcome::answer(tool, UpdateAnswer::Begun))
             }
             (Command::Data { number, bytes }, Stage::Receiving { length, counter, filled }) => {
                 let filled = self.take(usize::from(number), &bytes, length, filled)?;
                 self.stage = Stage::Receiving { length, counter, filled };
-                Ok(Outcome::answer(tool, Answer::Taken { next: number.wrapping_add(1) }))
+                Ok(Outcome::answer(tool, UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) }))
             }
             (Command::Commit, Stage::Receiving { length, counter, filled }) => {
                 self.check(length, counter, filled, guard)?;
@@ -219,7 +219,7 @@ impl Session {
             }
             (Command::Abort, _) => {
                 self.stage = Stage::Idle;
-                Ok(Outcome::answer(tool, Answer::Aborted))
+                Ok(Outcome::answer(tool, UpdateAnswer::Aborted))
             }
             (Command::Read { what }, Stage::Idle | Stage::Reading { .. }) => {
                 let what = What::from_number(what).ok_or(RejectReason::Unknown)?;
@@ -230,7 +230,7 @@ impl Session {
             (Command::Next { number }, Stage::Reading { length }) => {
                 let bytes = self.buffer.get(..length).unwrap_or_default();
                 let bytes = segment(bytes, number).ok_or(RejectReason::OutOfOrder)?;
-                Ok(Outcome::answer(tool, Answer::Segment { number, bytes }))
+                Ok(Outcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
             }
             (Command::Read { .. }, _) => Err(RejectReason::Busy),
             (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => {
@@ -294,7 +294,7 @@ impl Session {
         }
         if is_written {
             info!("calibration {=u32:08x} accepted over CAN", crc);
-            Outcome::answer(self.tool, Answer::Committed { crc })
+            Outcome::answer(self.tool, UpdateAnswer::Committed { crc })
         } else {
             Outcome::refusal(self.tool, 3, RejectReason::Storage, 0)
         }
@@ -311,7 +311,7 @@ impl Session {
         self.stage = Stage::Reading { length };
         self.last = now;
         let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
-        Outcome::answer(self.tool, Answer::ToBeRead { what: what.number(), length: on_wire, crc })
+        Outcome::answer(self.tool, UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc })
     }
 
     /// Ends a transfer whose tool has fallen silent. To be called every 100 ms or so.

@@ -34,7 +34,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(bus: &Bus<M>, board: &B) -> ! {
                 log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
-            Command::Refuse(refusal) => Response::CalibrationRefused(refusal),
+            Command::Refuse(refusal) => Response::CalibrationRejected(refusal),
             Command::Sample(sample) => estimate(bus, active.as_mut(), &sample),
             Command::Status => Response::Status(Status {
                 uptime_us: board.uptime_us(),

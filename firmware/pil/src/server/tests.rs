@@ -150,12 +150,12 @@ fn a_record_that_is_none_is_refused_and_counted() {
     let requests =
         [Request::LoadCalibration(b"KOUC nonsense"), Request::LoadCalibration(&[]), Request::Status];
     let answers = answers(&frames(&requests), 64, true);
-    let [Response::CalibrationRefused(_), Response::CalibrationRefused(_), Response::Status(status)] =
+    let [Response::CalibrationRejected(_), Response::CalibrationRejected(_), Response::Status(status)] =
         answers.as_slice()
     else {
         panic!("{answers:?}");
     };
-    assert_eq!((status.counts.calibrations_refused, status.counts.frames_ok), (2, 3));
+    assert_eq!((status.counts.calibrations_rejected, status.counts.frames_ok), (2, 3));
     assert_eq!((status.stack_high_water_bytes, status.uptime_us), (1234, 5678));
     assert_eq!(status.calibration, None);
 }

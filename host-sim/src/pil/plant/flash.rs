@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::FaultMemory;
-use kou_app::storage::{CrashReport, HealthRecord, Kind, Life, Store, StoredCalibration, UpdateCounter};
+use kou_app::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Store, StoredCalibration, UpdateCounter};
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};
@@ -63,7 +63,7 @@ pub struct Kept {
     /// Fault memory.
     pub faults: Option<FaultMemory>,
     /// Hours and starts.
-    pub life: Option<Life>,
+    pub life: Option<OperatingCounters>,
     /// The last note.
     pub stop: Option<CrashReport>,
 }

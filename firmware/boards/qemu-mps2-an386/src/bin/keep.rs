@@ -7,8 +7,8 @@
 use cortex_m_rt::entry;
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
-use kou_app::storage::{BUFFER_LEN, Life, MIN_BYTES, Store, StoreError};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
+use kou_app::storage::{BUFFER_LEN, OperatingCounters, MIN_BYTES, Store, StoreError};
 use kou_emulation::RamFlash;
 use kou_emulation::examples;
 use kou_emulation::ram_flash::Torn;
@@ -27,7 +27,7 @@ fn store(flash: Flash) -> Store<Flash> {
 }
 
 fn life(seconds: u32) -> Life {
-    let mut life = Life::new();
+    let mut life = OperatingCounters::new();
     life.started(ResetCause::BrownOut);
     life.ran(seconds);
     life
@@ -35,8 +35,8 @@ fn life(seconds: u32) -> Life {
 
 fn faults(at: u32) -> FaultMemory {
     let mut memory = FaultMemory::new();
-    for code in Code::all().take(6) {
-        memory.confirmed(code, Snapshot::at(at));
+    for code in FaultCode::all().take(6) {
+        memory.confirmed(code, FreezeFrame::at(at));
     }
     memory
 }
@@ -56,7 +56,7 @@ fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), 
         flash.power_on();
         let mut after = store(flash);
         assert!(block_on(after.heal(&mut [0; BUFFER_LEN])).is_ok());
-        let found = block_on(after.read::<Life>());
+        let found = block_on(after.read::<OperatingCounters>());
         assert!(matches!(found, Ok(Some(found)) if found == life(1) || found == life(2)));
         let found = block_on(after.read::<FaultMemory>());
         assert!(matches!(&found, Ok(Some(found)) if found.entries() == faults(1).entries()
