@@ -11,7 +11,7 @@ use std::path::Path;
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
 use kou_app::update::provision::KEY_LEN;
-use kou_app::update::{Key, Transfer};
+use kou_app::update::{Key, UpdateTransfer};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::record;
 
@@ -79,7 +79,7 @@ pub fn frames(
     let mut buffer = [0; record::MAX_LEN];
     let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
     let bytes = buffer.get(..length).unwrap_or_default();
-    let transfer = Transfer::new(bytes, counter, key).map_err(|e| InputError::new(e.to_string()))?;
+    let transfer = UpdateTransfer::new(bytes, counter, key).map_err(|e| InputError::new(e.to_string()))?;
     let id = Id::new(UPDATE_COMMAND.priority, UPDATE_COMMAND.pgn, addresses.controller, addresses.tool);
     Ok(transfer.commands().map(|command| Frame::new(id, command.to_bytes())).collect())
 }

@@ -14,20 +14,21 @@ use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
 use kou_app::calibration::CalibrationSource;
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
-    SensorsMemory, run_estimate, run_publish, run_sample, run_store,
+    CanInterface, CanPort, Controller, Estimator, FrontEnd, NoEstimate, SensorsMemory, StartReason,
+    StorageTask, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample,
+    run_storage,
 };
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::crash_log::{self, Note};
-use kou_app::diagnostics::{Code, FaultMemory};
+use kou_app::diagnostics::crash_log::{self, CrashRecord};
+use kou_app::diagnostics::{FaultCode, FaultMemory};
 use kou_app::j1939::node::UPDATE;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
-use kou_app::sensors::adc::{Input, NoCounts};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::adc::{ConversionError, Input};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, MIN_BYTES, StopNote, Store, StoredCalibration};
-use kou_app::update::wire::Answer;
-use kou_app::update::{Key, KeySource, Service, Session};
+use kou_app::storage::{CrashReport, HealthRecord, MIN_BYTES, OperatingCounters, Store, StoredCalibration};
+use kou_app::update::wire::UpdateAnswer;
+use kou_app::update::{Key, KeySource, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
@@ -58,11 +59,11 @@ impl KeySource for TestKey {
 struct Standstill(Duration);
 
 impl FrontEnd for Standstill {
-    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         if Instant::now().as_millis() == 5_000 {
             MockDriver::get().advance(self.0);
         }
-        into.analog = [Err(NoCounts::NoAnswer); CHANNELS];
+        into.analog = [Err(ConversionError::NoAnswer); CHANNELS];
         into.count = (Instant::now().as_micros() * 10) as u32;
     }
 }
@@ -71,7 +72,7 @@ impl FrontEnd for Standstill {
 #[derive(Default)]
 struct Tool {
     to_send: Vec<Frame>,
-    answers: Vec<Answer>,
+    answers: Vec<UpdateAnswer>,
     waits: bool,
 }
 
@@ -91,7 +92,7 @@ impl CanPort for Port<'_> {
         let mut tool = self.0.borrow_mut();
         if frame.id().pgn() == UPDATE {
             tool.waits = false;
-            let answer = frame.data().try_into().ok().and_then(Answer::from_bytes);
+            let answer = frame.data().try_into().ok().and_then(UpdateAnswer::from_bytes);
             tool.answers.extend(answer);
         }
         true
@@ -109,7 +110,7 @@ struct Run {
 fn run(
     flash: Flash,
     default: Option<&[u8]>,
-    begin: Begin,
+    begin: StartReason,
     to_send: Vec<Frame>,
     busy: Duration,
     ms: u64,
@@ -121,7 +122,7 @@ fn run(
 fn run_with_pause(
     flash: Flash,
     default: Option<&[u8]>,
-    begin: Begin,
+    begin: StartReason,
     to_send: Vec<Frame>,
     busy: Duration,
     ms: u64,
@@ -132,11 +133,11 @@ fn run_with_pause(
     let controller = Controller::<NoopRawMutex>::new();
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(Tool { to_send, ..Tool::default() });
-    let rates = KeepConfig { health_s: 3, life_s: 4, ..KeepConfig::VEHICLE };
-    let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), Session::new());
-    let mut keeper = Keeper::new(
-        Service::new(&mut store, &mut session, TestKey, default),
-        KeepParams::new(&rates).unwrap(),
+    let rates = WriteScheduleConfig { health_s: 3, life_s: 4, ..WriteScheduleConfig::VEHICLE };
+    let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), UpdateSession::new());
+    let mut keeper = StorageTask::new(
+        UpdateService::new(&mut store, &mut session, TestKey, default),
+        WriteScheduleParams::new(&rates).unwrap(),
         begin,
     );
     let start = Instant::now();
@@ -148,8 +149,8 @@ fn run_with_pause(
                 run_sample(c, start, params, &mut Standstill(busy), &mut SensorsMemory::new()).await
             }),
             Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
-            Box::pin(async move { run_publish(c, start, &mut Bus::new(Port(tool), node, c)).await }),
-            Box::pin(async move { run_store(c, start, k).await }),
+            Box::pin(async move { run_publish(c, start, &mut CanInterface::new(Port(tool), node, c)).await }),
+            Box::pin(async move { run_storage(c, start, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
         for now_ms in 0..ms {
@@ -167,8 +168,8 @@ fn run_with_pause(
     Run { flash, controller, tool: tool.into_inner() }
 }
 
-fn power_on() -> Begin {
-    Begin { cause: ResetCause::PowerOn, note: None }
+fn power_on() -> StartReason {
+    StartReason { cause: ResetCause::PowerOn, note: None }
 }
 
 fn read<R: for<'a> kou_app::storage::Record<'a>>(flash: &Flash) -> Option<R> {
@@ -219,7 +220,7 @@ fn without_a_calibration_it_says_so_and_takes_the_first_one_over_the_bus_which_o
     let crc = crc_of(&record_of(&reference_calibration()));
     assert_eq!(
         taken.tool.answers.last(),
-        Some(&Answer::Committed { crc }),
+        Some(&UpdateAnswer::Committed { crc }),
         "{:?}",
         taken.tool.answers.last()
     );
@@ -240,12 +241,12 @@ fn a_calibration_on_its_way_to_the_estimator_is_not_overwritten_by_what_is_to_be
     // It comes at 4 s; the silence of the bus, a trouble to be written, at 9 s; the estimator looks again at 12 s.
     let run = run_with_pause(Flash::new(), None, power_on(), new, NOT_BUSY, 14_000, 2_400..12_000);
     let crc = crc_of(&record_of(&reference_calibration()));
-    assert_eq!(run.tool.answers.last(), Some(&Answer::Committed { crc }));
+    assert_eq!(run.tool.answers.last(), Some(&UpdateAnswer::Committed { crc }));
     let in_use = run.controller.calibration().map(|c| (c.source, c.crc));
     assert_eq!(in_use, Some((CalibrationSource::Stored, crc)));
     assert!(run.controller.output(Micros(Instant::now().as_micros())).is_ok());
     let kept = read::<FaultMemory>(&run.flash).unwrap();
-    assert!(kept.get(Code::BusSilent).is_some(), "written a turn later: {kept:?}");
+    assert!(kept.get(FaultCode::BusSilent).is_some(), "written a turn later: {kept:?}");
 }
 
 #[test]
@@ -261,8 +262,8 @@ fn a_stored_calibration_that_is_refused_is_a_trouble_and_the_rest_is_kept_all_th
     let run = run(flash, None, power_on(), Vec::new(), NOT_BUSY, 9_000);
     assert_eq!(run.controller.calibration().map(|c| c.source), Some(CalibrationSource::None));
     let kept = read::<FaultMemory>(&run.flash).expect("troubles are kept");
-    assert!(kept.get(Code::CalibrationLost).is_some(), "{kept:?}");
-    let hours = read::<Life>(&run.flash).unwrap();
+    assert!(kept.get(FaultCode::CalibrationLost).is_some(), "{kept:?}");
+    let hours = read::<OperatingCounters>(&run.flash).unwrap();
     assert!(hours.operating_s >= 5, "{hours:?}");
 }
 
@@ -270,20 +271,24 @@ fn a_stored_calibration_that_is_refused_is_a_trouble_and_the_rest_is_kept_all_th
 fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
     let _guard = clock();
     let first = run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 9_000);
-    let hours = read::<Life>(&first.flash).unwrap();
-    assert!((hours.starts, hours.unasked) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
+    let hours = read::<OperatingCounters>(&first.flash).unwrap();
+    assert!(
+        (hours.starts, hours.unplanned_resets) == (1, 0) && (5..=9).contains(&hours.operating_s),
+        "{hours:?}"
+    );
     let text = "index out of bounds at src/x.rs:12";
-    let note = Note { kind: crash_log::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let note =
+        CrashRecord { kind: crash_log::CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
     // To the hardware it was a reset that was asked for.
-    let begin = Begin { cause: ResetCause::Software, note: Some(note) };
+    let begin = StartReason { cause: ResetCause::Software, note: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
-    let life = read::<Life>(&second.flash).unwrap();
-    assert_eq!((life.starts, life.unasked, life.last_reset), (2, 1, ResetCause::Panic));
+    let life = read::<OperatingCounters>(&second.flash).unwrap();
+    assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));
     assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
-    let stop = read::<StopNote>(&second.flash).unwrap();
+    let stop = read::<CrashReport>(&second.flash).unwrap();
     assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
     let faults = read::<FaultMemory>(&second.flash).unwrap();
-    let entry = faults.get(Code::Panic).expect("it is in the fault memory");
+    let entry = faults.get(FaultCode::Panic).expect("it is in the fault memory");
     assert_eq!((entry.active, entry.first.operating_s), (false, hours.operating_s));
     // Of the start before as well: the converter that does not answer has occurred in both.
     let twice = faults.entries().iter().filter(|entry| entry.occurrences == 2).count();
@@ -300,7 +305,7 @@ fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
     assert!(after.controller.output(Micros(Instant::now().as_micros())).is_ok());
     let is_active = after
         .controller
-        .faults(|memory| memory.active().any(|entry| entry.code() == Some(Code::StorageFailed)));
+        .faults(|memory| memory.active().any(|entry| entry.code() == Some(FaultCode::StorageFailed)));
     assert!(is_active);
     let [_, estimate, ..] = after.controller.vitals.read();
     assert_eq!((estimate.turns, estimate.missed), (599, 0));
@@ -311,8 +316,8 @@ fn missed_deadlines_are_a_trouble() {
     let _guard = clock();
     let late = run(Flash::new(), None, power_on(), Vec::new(), Duration::from_millis(4), 7_000);
     let faults = read::<FaultMemory>(&late.flash);
-    let in_memory = late.controller.faults(|memory| memory.get(Code::Overrun).is_some());
+    let in_memory = late.controller.faults(|memory| memory.get(FaultCode::Overrun).is_some());
     assert!(in_memory, "{faults:?}");
     let (_, in_time) = (drop(late), run(Flash::new(), None, power_on(), Vec::new(), NOT_BUSY, 7_000));
-    assert!(in_time.controller.faults(|memory| memory.get(Code::Overrun).is_none()));
+    assert!(in_time.controller.faults(|memory| memory.get(FaultCode::Overrun).is_none()));
 }

@@ -68,8 +68,8 @@ fn qemu_every_estimate_has_the_hosts_bits() {
     let counts = report.status.counts;
     assert_eq!(counts.samples as usize, SAMPLES);
     assert_eq!(counts.estimates_valid, state.valid());
-    assert_eq!(counts.estimates_valid + counts.estimates_refused, counts.samples);
-    assert_eq!(counts.frames_refused(), 0);
+    assert_eq!(counts.estimates_valid + counts.estimates_rejected, counts.samples);
+    assert_eq!(counts.frames_rejected(), 0);
     // Hello, calibration, status.
     assert_eq!(counts.frames_ok as usize, SAMPLES + 3);
 }

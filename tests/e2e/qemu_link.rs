@@ -4,7 +4,7 @@ use host_sim::pil::{Line, PilError, PilOptions, Session, frame, run, same_bits};
 use kou_estimator::calibration::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
 use kou_estimator::{Params, State, step};
-use kou_pil::link::{ErrorKind, FieldProblem, FrameError, Refusal, Request, Response};
+use kou_pil::link::{CalibrationRejection, ErrorKind, FieldProblem, FrameError, Request, Response};
 use kou_tests::samples::{Random, Samples};
 use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
 
@@ -66,7 +66,7 @@ fn qemu_damaged_frames_are_answered_with_errors_and_never_obeyed() {
     }
     let status = set_up(session.status());
     assert_eq!(status.calibration, Some(crc));
-    assert_eq!(status.counts.frames_refused(), answered_bad);
+    assert_eq!(status.counts.frames_rejected(), answered_bad);
     assert_eq!(status.counts.samples, good_sent);
     assert_eq!(status.counts.calibrations_accepted, 1);
     assert_eq!(set_up(session.shut_down()).code, Some(0));
@@ -149,7 +149,7 @@ fn qemu_calibration_refused_names_the_field() {
     for (calibration, field, problem) in refusals {
         match session.load_calibration(&record_of(&calibration)) {
             Err(PilError::CalibrationRefused(refusal)) => {
-                assert_eq!(refusal, Refusal::Field { field: field.to_string(), problem });
+                assert_eq!(refusal, CalibrationRejection::Field { field: field.to_string(), problem });
             }
             other => panic!("{field}: {other:?}"),
         }
@@ -157,12 +157,14 @@ fn qemu_calibration_refused_names_the_field() {
     let mut record = record_of(&good);
     record[20] ^= 1;
     match session.load_calibration(&record) {
-        Err(PilError::CalibrationRefused(refusal)) => assert_eq!(refusal, Refusal::Record(RecordError::Crc)),
+        Err(PilError::CalibrationRefused(refusal)) => {
+            assert_eq!(refusal, CalibrationRejection::Record(RecordError::Crc))
+        }
         other => panic!("{other:?}"),
     }
     // The calibration before them is still in use.
     let status = set_up(session.status());
-    assert_eq!((status.calibration, status.counts.calibrations_refused), (Some(crc), 5));
+    assert_eq!((status.calibration, status.counts.calibrations_rejected), (Some(crc), 5));
 }
 
 #[test]
@@ -205,5 +207,5 @@ fn qemu_over_its_uart_gives_the_same_bits() {
         mismatches += u32::from(!same_bits(&step(&params, &mut state, sample), target));
     }));
     println!("{:.0} samples/s over the UART", report.samples_per_s);
-    assert_eq!((report.samples, mismatches, report.status.counts.frames_refused()), (300, 0, 0));
+    assert_eq!((report.samples, mismatches, report.status.counts.frames_rejected()), (300, 0, 0));
 }

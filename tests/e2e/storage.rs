@@ -2,9 +2,10 @@
 
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{
-    BUFFER_LEN, Healed, HealthRecord, Life, MIN_BYTES, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, HealthRecord, MIN_BYTES, OperatingCounters, RepairReport, Store, StoreError,
+    StoredCalibration,
 };
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
@@ -21,7 +22,7 @@ struct Records {
     calibration: Vec<u8>,
     health: HealthRecord,
     faults: FaultMemory,
-    life: Life,
+    life: OperatingCounters,
 }
 
 fn version(number: u32) -> Records {
@@ -29,10 +30,10 @@ fn version(number: u32) -> Records {
     calibration.law.c += 1e-4 * f32::from(u16::try_from(number).unwrap());
     let calibration = record_of(&calibration);
     let mut faults = FaultMemory::new();
-    for (i, code) in Code::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
-        faults.confirmed(code, Snapshot::at(1000 * number + i as u32));
+    for (i, code) in FaultCode::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
+        faults.confirmed(code, FreezeFrame::at(1000 * number + i as u32));
     }
-    let mut life = Life::new();
+    let mut life = OperatingCounters::new();
     life.started(ResetCause::Watchdog);
     life.ran(360 * number);
     let health = HealthRecord { calibration_crc: number, state: learned(number) };
@@ -44,10 +45,10 @@ enum Part {
     Calibration,
     Health,
     Faults,
-    Life,
+    OperatingCounters,
 }
 
-const PARTS: [Part; 4] = [Part::Calibration, Part::Health, Part::Faults, Part::Life];
+const PARTS: [Part; 4] = [Part::Calibration, Part::Health, Part::Faults, Part::OperatingCounters];
 
 fn store(flash: Flash) -> Store<Flash> {
     Store::new(flash, 0..MIN_BYTES).unwrap()
@@ -60,7 +61,7 @@ fn write(store: &mut Store<Flash>, part: Part, records: &Records) -> Result<(), 
             Part::Calibration => store.write(&calibration).await,
             Part::Health => store.write(&records.health).await,
             Part::Faults => store.write(&records.faults).await,
-            Part::Life => store.write(&records.life).await,
+            Part::OperatingCounters => store.write(&records.life).await,
         }
     })
 }
@@ -81,8 +82,8 @@ fn found(store: &mut Store<Flash>, part: Part, candidates: &[&Records]) -> Optio
                 let read = store.read::<FaultMemory>().await.unwrap()?;
                 candidates.iter().position(|c| c.faults.entries() == read.entries())
             }
-            Part::Life => {
-                let read = store.read::<Life>().await.unwrap()?;
+            Part::OperatingCounters => {
+                let read = store.read::<OperatingCounters>().await.unwrap()?;
                 candidates.iter().position(|c| c.life == read)
             }
         })
@@ -90,8 +91,8 @@ fn found(store: &mut Store<Flash>, part: Part, candidates: &[&Records]) -> Optio
     which.map(|which| which.unwrap_or_else(|| panic!("{part:?}: neither of what was written")))
 }
 
-fn heal(store: &mut Store<Flash>) -> Result<Healed, StoreError> {
-    block_on(store.heal(&mut [0; BUFFER_LEN]))
+fn heal(store: &mut Store<Flash>) -> Result<RepairReport, StoreError> {
+    block_on(store.repair(&mut [0; BUFFER_LEN]))
 }
 
 #[test]
@@ -249,7 +250,9 @@ fn prop_whatever_stands_in_flash_is_a_record_or_an_error_and_erasing_it_helps() 
                         .read::<FaultMemory>()
                         .await
                         .map(|r| r.is_none_or(|r| r.entries() == old.faults.entries())),
-                    Part::Life => damaged.read::<Life>().await.map(|r| r.is_none_or(|r| r == old.life)),
+                    Part::OperatingCounters => {
+                        damaged.read::<OperatingCounters>().await.map(|r| r.is_none_or(|r| r == old.life))
+                    }
                 }
             });
             assert_ne!(read, Ok(false), "{part:?}");

@@ -17,17 +17,18 @@ use host_sim::input::TomlFile;
 use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate,
-    Publish, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store, run_supervise,
+    CanInterface, CanPort, Controller, Estimator, FrontEnd, NoEstimate, Publish, SensorsMemory, StartReason,
+    StorageTask, Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish,
+    run_sample, run_storage, run_supervise,
 };
 use kou_app::diagnostics::FaultMemory;
 use kou_app::diagnostics::ResetCause;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
-use kou_app::sensors::adc::{Counts, Input, NoCounts, request};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::adc::{AdcCounts, ConversionError, Input, request};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{HealthRecord, Life, Store};
-use kou_app::update::{NoKey, Service, Session};
+use kou_app::storage::{HealthRecord, OperatingCounters, Store};
+use kou_app::update::{NoKey, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE};
 use kou_estimator::units::Micros;
@@ -52,7 +53,7 @@ const POINTS: [[f64; 4]; 9] = [
 /// Counts of the stamping timer in a minute.
 const COUNTS: u32 = 600_000_000;
 
-fn minute() -> Vec<Inputs> {
+fn minute() -> Vec<SensorInputs> {
     let points = POINTS.map(|[time_s, n, alpha, load]| {
         format!("[[at]]\ntime_s = {time_s}\nn_p_rpm = {n}\nalpha = {alpha}\nload_nm = {load}\nt_b_c = 60.0\n")
     });
@@ -70,10 +71,11 @@ fn minute() -> Vec<Inputs> {
             let time_s = f64::from(ms) * 1e-3;
             let truth = vehicle.millisecond(&scenario.command(time_s)).expect("the surrogate never gives up");
             let signals = parts.millisecond(time_s, &truth);
-            let mut inputs = Inputs::new();
+            let mut inputs = SensorInputs::new();
             for (number, conversion) in (0..).zip(&mut inputs.analog) {
                 let [_, high, low] = signals.answer(request(Input::new(number).expect("below eight")));
-                *conversion = Counts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(NoCounts::NoAnswer);
+                *conversion =
+                    AdcCounts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(ConversionError::NoAnswer);
             }
             inputs.count = signals.count;
             for (edges, stamps) in [(&mut inputs.pump, &signals.pump), (&mut inputs.motor, &signals.motor)] {
@@ -87,13 +89,13 @@ fn minute() -> Vec<Inputs> {
 }
 
 struct Replay<'a> {
-    minute: &'a [Inputs],
+    minute: &'a [SensorInputs],
     at: usize,
     offset: u32,
 }
 
 impl FrontEnd for Replay<'_> {
-    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         let now = &self.minute[self.at];
         into.analog = now.analog;
         into.count = now.count.wrapping_add(self.offset);
@@ -139,7 +141,7 @@ impl CanPort for Nobody {
 
 struct Told<'a> {
     seen: &'a Seen,
-    bus: Bus<'a, Nobody, NoopRawMutex>,
+    bus: CanInterface<'a, Nobody, NoopRawMutex>,
 }
 
 impl Publish for Told<'_> {
@@ -175,11 +177,12 @@ fn drive(minutes: u64) {
     let controller = Controller::<NoopRawMutex>::new();
     let default = record_of(&reference_calibration());
     let flash = RamFlash::<FLASH_LEN, FLASH_PAGE>::new();
-    let mut session = Session::new();
+    let mut session = UpdateSession::new();
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
-    let rates = KeepParams::new(&KeepConfig::VEHICLE).expect("the rates make sense");
-    let begin = Begin { cause: ResetCause::PowerOn, note: None };
-    let mut keeper = Keeper::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
+    let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
+    let begin = StartReason { cause: ResetCause::PowerOn, note: None };
+    let mut keeper =
+        StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
     let seen = Seen::default();
     let start = Instant::now();
@@ -192,10 +195,10 @@ fn drive(minutes: u64) {
         Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
         Box::pin(async move {
             let name = Name::new(&NameConfig::transmission(1)).expect("the name is sound");
-            let bus = Bus::new(Nobody, Node::new(name, 0x8C), c);
+            let bus = CanInterface::new(Nobody, Node::new(name, 0x8C), c);
             run_publish(c, start, &mut Told { seen: s, bus }).await;
         }),
-        Box::pin(async move { run_store(c, start, k).await }),
+        Box::pin(async move { run_storage(c, start, k).await }),
         Box::pin(async move { run_supervise(c, start, &mut &*s).await }),
     ];
     let mut context = Context::from_waker(Waker::noop());
@@ -232,20 +235,20 @@ fn drive(minutes: u64) {
 
 /// What is in flash at the end, and what writing it has cost.
 fn kept(
-    keeper: &mut Keeper<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
+    keeper: &mut StorageTask<'_, RamFlash<FLASH_LEN, FLASH_PAGE>, NoKey>,
     controller: &Controller<NoopRawMutex>,
     minutes: u64,
 ) {
     let store = keeper.service().store();
     let (life, health, faults) = block_on(async {
-        let life = store.read::<Life>().await.expect("readable").expect("written");
+        let life = store.read::<OperatingCounters>().await.expect("readable").expect("written");
         let health = store.read::<HealthRecord>().await.expect("readable").expect("written");
         (life, health, store.read::<FaultMemory>().await.expect("readable").expect("written"))
     });
     // Written every ten minutes, one record a second: the last one is at most that old.
     let seconds = u32::try_from(60 * minutes).expect("a week fits");
     assert!(life.operating_s <= seconds && life.operating_s + 610 > seconds, "{life:?}");
-    assert_eq!((life.starts, life.unasked), (1, 0));
+    assert_eq!((life.starts, life.unplanned_resets), (1, 0));
     assert!(health.state.is_sound());
     // The oil sensor fails in every minute; what is in flash is at most the ration's ten minutes behind.
     let oil =

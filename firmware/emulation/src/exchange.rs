@@ -1,4 +1,4 @@
-//! Exchange between an emulated controller and the host that emulates what is around it, once every millisecond.
+//! Handover between an emulated controller and the host that emulates what is around it, once every millisecond.
 //!
 //! The firmware says what it wants of its hardware (SPI bytes to clock out) and what it tells; the host answers with the
 //! bytes clocked in and the edges of the pickups. Besides, at any time, the flash: each operation is a message and its
@@ -7,8 +7,8 @@
 //! on a vehicle uses it.
 
 use heapless::Vec;
-use kou_app::controller::{NoEstimate, VitalsRead};
-use kou_app::diagnostics::{Note, ResetCause};
+use kou_app::controller::{NoEstimate, TaskStatsSnapshot};
+use kou_app::diagnostics::{CrashRecord, ResetCause};
 use kou_app::sensors::pickup::MAX_EDGES;
 use kou_app::sensors::set::CHANNELS;
 use kou_estimator::{Estimate, Sample};
@@ -33,7 +33,7 @@ pub const FLASH_CHUNK: usize = 256;
 
 /// How the controller begins: the first message, from the host.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Begin<'a> {
+pub struct EmulationStart<'a> {
     /// Record of the default calibration, as production would write it; empty for none.
     #[serde(borrow)]
     pub default: &'a [u8],
@@ -42,7 +42,7 @@ pub struct Begin<'a> {
     /// Why it starts, as its hardware would tell.
     pub cause: ResetCause,
     /// What an earlier run left in memory that start-up leaves alone.
-    pub note: Option<Note>,
+    pub note: Option<CrashRecord>,
     /// Time between two writes of learned health and of the hours, s: scenarios are shorter than drives.
     pub keep_s: u32,
 }
@@ -81,9 +81,9 @@ pub type FlashDone = Option<Vec<u8, FLASH_CHUNK>>;
 // One at a time: boxes are neither possible nor useful.
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Said {
-    /// A millisecond begins; the answer is [`FromHost`].
-    Tick(ToHost),
+pub enum FirmwareMessage {
+    /// A millisecond begins; the answer is [`TickReply`].
+    Tick(TickReport),
     /// The flash is to do something; the answer is [`FlashDone`].
     Flash {
         /// Number of the record kind that is being written, for the host to aim at; nothing while records are read.
@@ -96,7 +96,7 @@ pub enum Said {
 /// From the firmware, at the beginning of each millisecond.
 // A message of the emulation, one at a time: boxes are neither possible nor useful.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ToHost {
+pub struct TickReport {
     /// Number of this millisecond.
     pub tick: u32,
     /// Bytes that the converter's driver clocks out, one transaction for each fitted channel.
@@ -106,7 +106,7 @@ pub struct ToHost {
     /// The sample that the estimate was made of, every tenth time.
     pub sample: Option<Sample>,
     /// How the tasks are doing, every thousandth time: sample, estimate, publish, store, supervise.
-    pub vitals: Option<[VitalsRead; 5]>,
+    pub vitals: Option<[TaskStatsSnapshot; 5]>,
     /// Deepest stack, with the vitals.
     pub stack_bytes: u32,
     /// Turns in which the watchdog was fed.
@@ -128,8 +128,8 @@ pub enum Order {
 
 /// From the host.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FromHost {
-    /// Bytes clocked in, for each of [`ToHost::spi`].
+pub struct TickReply {
+    /// Bytes clocked in, for each of [`TickReport::spi`].
     pub spi: Vec<[u8; 3], CHANNELS>,
     /// The stamping timer's count.
     pub count: u32,

@@ -9,16 +9,16 @@ use std::task::{Context, Waker};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
 use kou_app::controller::{
-    Begin, Controller, Estimator, FrontEnd, KeepConfig, KeepParams, Keeper, NoEstimate, Publish,
-    SUPERVISE_PERIOD, SensorsMemory, Task, Watchdog, run_estimate, run_publish, run_sample, run_store,
-    run_supervise,
+    Controller, Estimator, FrontEnd, NoEstimate, Publish, SUPERVISE_PERIOD, SensorsMemory, StartReason,
+    StorageTask, Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish,
+    run_sample, run_storage, run_supervise,
 };
 use kou_app::diagnostics::ResetCause;
-use kou_app::sensors::adc::{Counts, Input, NoCounts};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::adc::{AdcCounts, ConversionError, Input};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{MIN_BYTES, Store};
-use kou_app::update::{NoKey, Service, Session};
+use kou_app::update::{NoKey, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
@@ -51,12 +51,12 @@ fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
 
 /// A front end whose inputs are what a cell says; `busy` is time that a read takes.
 struct Bench<'a> {
-    counts: &'a Cell<Result<Counts, NoCounts>>,
+    counts: &'a Cell<Result<AdcCounts, ConversionError>>,
     busy: &'a Cell<Duration>,
 }
 
 impl FrontEnd for Bench<'_> {
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         MockDriver::get().advance(self.busy.get());
         assert_eq!(wanted.iter().flatten().count(), CHANNELS);
         into.analog = [self.counts.get(); CHANNELS];
@@ -93,7 +93,7 @@ impl Watchdog for &Dog {
 struct World {
     controller: Controller<NoopRawMutex>,
     params: SensorsParams,
-    counts: Cell<Result<Counts, NoCounts>>,
+    counts: Cell<Result<AdcCounts, ConversionError>>,
     busy: Cell<Duration>,
     told: Told,
     dog: Dog,
@@ -104,7 +104,7 @@ impl World {
         Self {
             controller: Controller::new(),
             params: SensorsParams::new(&wiring::REFERENCE).unwrap(),
-            counts: Cell::new(Ok(Counts::new(1500).unwrap())),
+            counts: Cell::new(Ok(AdcCounts::new(1500).unwrap())),
             busy: Cell::new(Duration::from_ticks(0)),
             told: Told::default(),
             dog: Dog::default(),
@@ -133,12 +133,12 @@ impl World {
             tasks.push(Box::pin(async move {
                 let mut store =
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
-                let rates = KeepParams::new(&KeepConfig::VEHICLE).unwrap();
-                let mut session = Session::new();
-                let begin = Begin { cause: ResetCause::PowerOn, note: None };
+                let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap();
+                let mut session = UpdateSession::new();
+                let begin = StartReason { cause: ResetCause::PowerOn, note: None };
                 let mut keeper =
-                    Keeper::new(Service::new(&mut store, &mut session, NoKey, None), rates, begin);
-                run_store(c, start, &mut keeper).await;
+                    StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, None), rates, begin);
+                run_storage(c, start, &mut keeper).await;
             }));
         }
         tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));
@@ -213,11 +213,11 @@ fn each_task_that_stops_starves_the_watchdog_in_time_and_is_named() {
         let clock = MockDriver::get();
         let start = Instant::now();
         // Within its patience, one look of the supervisor to notice and one more to give up.
-        let limit = task.patience() + SUPERVISE_PERIOD * 3;
+        let limit = task.timeout() + SUPERVISE_PERIOD * 3;
         run(clock, &mut tasks, limit.as_millis());
         assert_eq!(*world.dog.given_up.borrow(), [task], "{task:?}");
         let fed = world.dog.fed_at_ms.get().saturating_sub(start.as_millis());
-        assert!(fed <= (task.patience() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
+        assert!(fed <= (task.timeout() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
         // For good.
         let fed = world.dog.fed_at_ms.get();
         run(clock, &mut tasks, 2_000);

@@ -4,7 +4,8 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::ResetCause;
 use kou_app::storage::{
-    BUFFER_LEN, Kind, Life, MIN_BYTES, Record, SetUpError, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, MIN_BYTES, OperatingCounters, Record, RecordKind, RegionError, Store, StoreError,
+    StoredCalibration,
 };
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::{RamFlashError, Torn};
@@ -19,11 +20,11 @@ fn store() -> Store<Flash> {
 
 #[test]
 fn a_region_that_cannot_be_used_is_refused_by_name() {
-    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(SetUpError::TooSmall));
+    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
     let odd = Store::new(RamFlash::<{ 2 * BYTES }, 2048>::new(), 8..MIN_BYTES + 8);
-    assert_eq!(odd.err(), Some(SetUpError::Pages));
+    assert_eq!(odd.err(), Some(RegionError::Pages));
     let small = Store::new(RamFlash::<BYTES, 512>::new(), 0..MIN_BYTES);
-    assert_eq!(small.err(), Some(SetUpError::PageTooSmall));
+    assert_eq!(small.err(), Some(RegionError::PageTooSmall));
 }
 
 /// Hours as an imagined earlier version would have stored them.
@@ -33,7 +34,7 @@ struct Older {
 }
 
 impl Record<'_> for Older {
-    const KIND: Kind = Kind::Life;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 0;
 }
 
@@ -44,7 +45,7 @@ struct Newer {
 }
 
 impl<'a> Record<'a> for Newer {
-    const KIND: Kind = Kind::Life;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 2;
 
     fn migrate(schema: u16, body: &'a [u8]) -> Option<Self> {
@@ -65,9 +66,15 @@ fn an_older_record_is_migrated_and_a_foreign_one_refused_by_name() {
         assert_eq!(store.read::<Newer>().await, Ok(None));
         store.write(&Older { hours: 7 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 25_200 })));
-        assert_eq!(store.read::<Life>().await, Err(StoreError::Schema { kind: Kind::Life, found: 0 }));
-        store.write(&Life::new()).await.unwrap();
-        assert_eq!(store.read::<Newer>().await, Err(StoreError::Schema { kind: Kind::Life, found: 1 }));
+        assert_eq!(
+            store.read::<OperatingCounters>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 0 })
+        );
+        store.write(&OperatingCounters::new()).await.unwrap();
+        assert_eq!(
+            store.read::<Newer>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 1 })
+        );
         // Refused, it can still be replaced.
         store.write(&Newer { operating_s: 1 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 1 })));
@@ -95,13 +102,15 @@ fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
 
 #[test]
 fn unasked_restarts_are_counted_and_are_troubles() {
-    let mut life = Life::new();
-    let unasked = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
-    for cause in [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unasked) {
+    let mut life = OperatingCounters::new();
+    let unplanned_resets = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
+    for cause in
+        [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unplanned_resets)
+    {
         life.started(cause);
-        assert_eq!(cause.trouble().is_some(), unasked.contains(&cause));
+        assert_eq!(cause.trouble().is_some(), unplanned_resets.contains(&cause));
     }
-    assert_eq!((life.starts, life.unasked, life.last_reset), (6, 3, ResetCause::Panic));
+    assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (6, 3, ResetCause::Panic));
     life.ran(u32::MAX);
     life.ran(1);
     assert_eq!(life.operating_s, u32::MAX);

@@ -171,7 +171,7 @@ impl Session {
     pub fn load_calibration(&mut self, record: &[u8]) -> Result<u32, PilError> {
         match self.ask(&Request::LoadCalibration(record))? {
             Response::CalibrationAccepted { crc } => Ok(crc),
-            Response::CalibrationRefused(refusal) => Err(PilError::CalibrationRefused(refusal)),
+            Response::CalibrationRejected(refusal) => Err(PilError::CalibrationRefused(refusal)),
             other => Err(unexpected("load calibration", &other)),
         }
     }

@@ -9,13 +9,13 @@ fn every_command_and_answer_is_read_as_it_was_written() {
     let mut random = Random(7);
     for _ in 0..100_000 {
         let bytes: [u8; 8] = random.bits().to_le_bytes();
-        if let Some(command) = Command::from_bytes(bytes) {
-            assert_eq!(Command::from_bytes(command.to_bytes()), Some(command));
+        if let Some(command) = UpdateCommand::from_bytes(bytes) {
+            assert_eq!(UpdateCommand::from_bytes(command.to_bytes()), Some(command));
         }
         let mut bytes = bytes;
         bytes[0] = [0x81, 0x82, 0x83, 0x84, 0x91, 0x92, 0x7F, bytes[0]][random.below(8)];
-        if let Some(answer) = Answer::from_bytes(bytes) {
-            assert_eq!(Answer::from_bytes(answer.to_bytes()), Some(answer));
+        if let Some(answer) = UpdateAnswer::from_bytes(bytes) {
+            assert_eq!(UpdateAnswer::from_bytes(answer.to_bytes()), Some(answer));
         }
     }
     for refusal in RejectReason::ALL {

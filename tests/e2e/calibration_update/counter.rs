@@ -1,6 +1,6 @@
 //! The counter against replay, also where a record of it cannot be read.
 
-use kou_app::storage::{Kind, Record, UpdateCounter};
+use kou_app::storage::{Record, RecordKind, UpdateCounter};
 
 use super::*;
 
@@ -9,7 +9,7 @@ use super::*;
 struct Foreign(u8);
 
 impl Record<'_> for Foreign {
-    const KIND: Kind = Kind::Calibration;
+    const KIND: RecordKind = RecordKind::Calibration;
     const SCHEMA: u16 = 99;
 }
 
@@ -22,7 +22,7 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, Some(Code::CalibrationLost)));
+    assert_eq!((loaded.counter, loaded.trouble), (8, Some(FaultCode::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
     controller.refuses(transfer(&old, 9, &key).commands(), RejectReason::Record);
     // Of a layout that it does not read at all, with no record of the counter besides: any update could be an old one.
@@ -50,7 +50,7 @@ fn a_counter_that_the_calibration_no_longer_tells_is_known_from_its_own_record()
     let new = record_of(&changed(0.001));
     controller.refuses(transfer(&new, 8, &key).commands(), RejectReason::OldCounter);
     let answer = controller.send(transfer(&new, 9, &key).commands());
-    assert!(matches!(answer, Some(Answer::Committed { .. })), "{answer:?}");
+    assert!(matches!(answer, Some(UpdateAnswer::Committed { .. })), "{answer:?}");
     assert_eq!((controller.start(), controller.counter), (CalibrationSource::Stored, 9));
 }
 

@@ -19,10 +19,12 @@ use kou_app::calibration::CalibrationSource;
 use kou_app::calibration::MachineIdentity;
 use kou_app::calibration::load;
 use kou_app::diagnostics::RejectReason;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, Transfer};
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{
+    Key, KeySource, SessionAction, SessionOutcome, UpdateGuard, UpdateSession, UpdateTransfer,
+};
 use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Params};
@@ -55,7 +57,7 @@ fn with_serial(mut calibration: Calibration, serial: &str) -> Calibration {
 
 /// A controller with flash, live calibration and session, as the firmware's tasks put them together.
 struct Controller {
-    session: Session,
+    session: UpdateSession,
     store: Store<RamFlash<{ MIN_BYTES as usize }, 2048>>,
     faults: FaultMemory,
     keys: Box<dyn KeySource>,
@@ -72,7 +74,7 @@ impl Controller {
         let default = record_of(&with_serial(reference_calibration(), ""));
         let store = Store::new(RamFlash::new(), 0..MIN_BYTES).unwrap();
         let mut controller = Self {
-            session: Session::new(),
+            session: UpdateSession::new(),
             store,
             faults: FaultMemory::new(),
             keys: Box::new(keys),
@@ -95,20 +97,20 @@ impl Controller {
         live.state.source
     }
 
-    fn handle(&mut self, outcome: Outcome) -> Option<Answer> {
+    fn handle(&mut self, outcome: SessionOutcome) -> Option<UpdateAnswer> {
         if let Some(refusal) = outcome.refused {
-            self.faults.happened(Code::UpdateRefused(refusal), Snapshot::at(1));
+            self.faults.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(1));
         }
         let outcome = match outcome.todo {
             None => outcome,
-            Some(Todo::Store { counter }) => {
+            Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: self.session.record() };
                 let written = block_on(self.store.write(&stored)).is_ok();
                 let outcome = self.session.stored(written);
                 self.start();
                 outcome
             }
-            Some(Todo::Fill(_)) => {
+            Some(SessionAction::Fill(_)) => {
                 let record = self.default.clone();
                 self.session.fill(self.now, |buffer| {
                     buffer.get_mut(..record.len())?.copy_from_slice(&record);
@@ -119,9 +121,9 @@ impl Controller {
         outcome.answer.map(|(_, answer)| answer)
     }
 
-    fn take(&mut self, tool: u8, command: [u8; 8]) -> Option<Answer> {
+    fn take(&mut self, tool: u8, command: [u8; 8]) -> Option<UpdateAnswer> {
         self.now.0 += 1000;
-        let guard = Guard {
+        let guard = UpdateGuard {
             loaded: self.loaded,
             keys: &*self.keys,
             counter: self.counter,
@@ -132,11 +134,11 @@ impl Controller {
     }
 
     /// Sends commands until one is not answered well; the last answer.
-    fn send(&mut self, commands: impl IntoIterator<Item = Command>) -> Option<Answer> {
+    fn send(&mut self, commands: impl IntoIterator<Item = UpdateCommand>) -> Option<UpdateAnswer> {
         let mut last = None;
         for command in commands {
             last = self.take(TOOL, command.to_bytes());
-            if matches!(last, Some(Answer::Refused { .. }) | None) {
+            if matches!(last, Some(UpdateAnswer::Refused { .. }) | None) {
                 break;
             }
         }
@@ -150,13 +152,14 @@ impl Controller {
     }
 
     #[track_caller]
-    fn refuses(&mut self, commands: impl IntoIterator<Item = Command>, why: RejectReason) {
+    fn refuses(&mut self, commands: impl IntoIterator<Item = UpdateCommand>, why: RejectReason) {
         let before = self.unchanged();
-        let occurred =
-            |faults: &FaultMemory| faults.get(Code::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);
+        let occurred = |faults: &FaultMemory| {
+            faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences)
+        };
         let count = occurred(&self.faults);
         match self.send(commands) {
-            Some(Answer::Refused { why: found, .. }) => assert_eq!(found, why),
+            Some(UpdateAnswer::Refused { why: found, .. }) => assert_eq!(found, why),
             other => panic!("{other:?} instead of {why:?}"),
         }
         assert_eq!(occurred(&self.faults), count + 1, "{why:?} is logged");
@@ -170,6 +173,6 @@ fn changed(by: f32) -> Calibration {
     calibration
 }
 
-fn transfer(record: &[u8], counter: u32, key: &TestKey) -> Transfer {
-    Transfer::new(record, counter, &key.0).unwrap()
+fn transfer(record: &[u8], counter: u32, key: &TestKey) -> UpdateTransfer {
+    UpdateTransfer::new(record, counter, &key.0).unwrap()
 }

@@ -13,18 +13,21 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     let key = TestKey::new(1);
     let mut controller = Controller::new(TestKey::new(1));
     let first = record_of(&changed(0.001));
-    assert!(matches!(controller.send(transfer(&first, 5, &key).commands()), Some(Answer::Committed { .. })));
+    assert!(matches!(
+        controller.send(transfer(&first, 5, &key).commands()),
+        Some(UpdateAnswer::Committed { .. })
+    ));
     let new = record_of(&changed(0.002));
     let good = transfer(&new, 6, &key);
-    let commands: Vec<Command> = good.commands().collect();
+    let commands: Vec<UpdateCommand> = good.commands().collect();
 
     // Authentication: a wrong key, a changed byte, a tag for another counter.
     controller.refuses(transfer(&new, 6, &TestKey::new(2)).commands(), RejectReason::Mac);
     let mut tampered = new.clone();
     tampered[100] ^= 1;
     let tag = mac::tag(&key.0, 6, &new).unwrap();
-    controller.refuses(Transfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
-    controller.refuses(Transfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
+    controller.refuses(UpdateTransfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
+    controller.refuses(UpdateTransfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
     // Replay.
     controller.refuses(transfer(&first, 5, &key).commands(), RejectReason::OldCounter);
     controller.refuses(transfer(&new, 4, &key).commands(), RejectReason::OldCounter);
@@ -40,7 +43,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     controller.refuses(transfer(&wrong, 6, &key).commands(), RejectReason::Field);
     // Lengths that no record has.
     for length in [0, 11, record::MAX_LEN as u16 + 1, u16::MAX] {
-        controller.refuses([Command::Begin { length, counter: 6 }], RejectReason::Length);
+        controller.refuses([UpdateCommand::Begin { length, counter: 6 }], RejectReason::Length);
     }
     // Segments that are missing, twice, or too many; commit too early; no beginning.
     let mut skipped = commands.clone();
@@ -51,39 +54,39 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     controller.refuses(twice, RejectReason::OutOfOrder);
     let mut many = commands.clone();
     let next = u8::try_from(commands.len() - 2).unwrap();
-    many.insert(commands.len() - 1, Command::Data { number: next, bytes: [0; 6] });
+    many.insert(commands.len() - 1, UpdateCommand::Data { number: next, bytes: [0; 6] });
     controller.refuses(many, RejectReason::OutOfOrder);
-    let early = commands[..50].iter().copied().chain([Command::Commit]);
+    let early = commands[..50].iter().copied().chain([UpdateCommand::Commit]);
     controller.refuses(early.collect::<Vec<_>>(), RejectReason::Incomplete);
     controller.refuses(commands[1..].to_vec(), RejectReason::NoTransfer);
-    controller.refuses([Command::Commit], RejectReason::NoTransfer);
+    controller.refuses([UpdateCommand::Commit], RejectReason::NoTransfer);
     // A loaded drive: at the beginning, and when it came under load meanwhile.
     controller.loaded = true;
     controller.refuses(commands.clone(), RejectReason::Loaded);
     controller.loaded = false;
     let _ = controller.send(commands[..commands.len() - 1].to_vec());
     controller.loaded = true;
-    controller.refuses([Command::Commit], RejectReason::Loaded);
+    controller.refuses([UpdateCommand::Commit], RejectReason::Loaded);
     controller.loaded = false;
     // A tool that falls silent; a second tool that barges in.
     let _ = controller.send(commands[..20].to_vec());
     let interrupted = controller.take(0xFA, commands[0].to_bytes());
-    assert!(matches!(interrupted, Some(Answer::Refused { why: RejectReason::Busy, .. })));
+    assert!(matches!(interrupted, Some(UpdateAnswer::Refused { why: RejectReason::Busy, .. })));
     controller.now.0 += 1_000_001;
     let outcome = controller.session.poll(controller.now);
     assert_eq!(outcome.refused, Some(RejectReason::TimeOut));
     assert!(controller.handle(outcome).is_some() && controller.session.is_idle());
     // A command of no version.
     let unknown = controller.take(TOOL, [0x77; 8]);
-    assert!(matches!(unknown, Some(Answer::Refused { why: RejectReason::Unknown, .. })));
+    assert!(matches!(unknown, Some(UpdateAnswer::Refused { why: RejectReason::Unknown, .. })));
     for why in [RejectReason::TimeOut, RejectReason::Busy, RejectReason::Unknown] {
-        assert!(controller.faults.get(Code::UpdateRefused(why)).is_some(), "{why:?} is logged");
+        assert!(controller.faults.get(FaultCode::UpdateRefused(why)).is_some(), "{why:?} is logged");
     }
     // A flash that fails.
     controller.store.flash().cut_after(300, Torn::Clean);
     let answer = commands.iter().fold(None, |_, command| {
         controller.now.0 += 1000;
-        let guard = Guard {
+        let guard = UpdateGuard {
             loaded: false,
             keys: &*controller.keys,
             counter: controller.counter,
@@ -91,7 +94,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
         };
         let outcome = controller.session.receive(controller.now, TOOL, command.to_bytes(), &guard);
         match outcome.todo {
-            Some(Todo::Store { counter }) => {
+            Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: controller.session.record() };
                 let written = block_on(controller.store.write(&stored)).is_ok();
                 controller.session.stored(written).refused
@@ -104,7 +107,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     assert_eq!(controller.unchanged().0, 5);
 
     // After all of it, the good one is still taken.
-    assert!(matches!(controller.send(commands), Some(Answer::Committed { .. })));
+    assert!(matches!(controller.send(commands), Some(UpdateAnswer::Committed { .. })));
     assert_eq!(controller.counter, 6);
 }
 

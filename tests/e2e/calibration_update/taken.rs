@@ -15,7 +15,7 @@ fn an_update_is_checked_stored_and_live_and_survives_a_restart() {
     let new = record_of(&changed(0.001));
     let crc = record::crc32(&new[..new.len() - 4]);
     let answer = controller.send(transfer(&new, 5, &key).commands());
-    assert_eq!(answer, Some(Answer::Committed { crc }));
+    assert_eq!(answer, Some(UpdateAnswer::Committed { crc }));
     assert_eq!(controller.start(), CalibrationSource::Stored);
     assert_eq!((controller.counter, controller.crc), (5, crc));
     // From now on the controller belongs to the machine of this serial number.
@@ -35,7 +35,7 @@ fn frames_of_the_pc_tool_are_taken() {
         assert_eq!((frame.id().pgn(), frame.id().destination(), frame.id().source()), (UPDATE, 0x27, TOOL));
         last = controller.take(TOOL, frame.data().try_into().unwrap());
     }
-    assert!(matches!(last, Some(Answer::Committed { .. })), "{last:?}");
+    assert!(matches!(last, Some(UpdateAnswer::Committed { .. })), "{last:?}");
     assert_eq!(controller.counter, 3);
     let log = candump(&frames, 20);
     assert!(log.starts_with("(0.000000) can0 1CEF27F9#0101"), "{log}");
@@ -45,19 +45,24 @@ fn frames_of_the_pc_tool_are_taken() {
 #[test]
 fn what_is_stored_is_read_back_in_segments() {
     let mut controller = Controller::new(NoKey);
-    let Some(Answer::ToBeRead { what: 1, length, crc }) = controller.send([Command::Read { what: 1 }]) else {
+    let Some(UpdateAnswer::ToBeRead { what: 1, length, crc }) =
+        controller.send([UpdateCommand::Read { what: 1 }])
+    else {
         panic!("nothing to be read")
     };
     let mut bytes = Vec::new();
     for number in 0..usize::from(length).div_ceil(6) {
         let number = u8::try_from(number).unwrap();
-        match controller.send([Command::Next { number }]) {
-            Some(Answer::Segment { number: found, bytes: six }) if found == number => bytes.extend(six),
+        match controller.send([UpdateCommand::Next { number }]) {
+            Some(UpdateAnswer::Segment { number: found, bytes: six }) if found == number => bytes.extend(six),
             other => panic!("{other:?}"),
         }
     }
     bytes.truncate(usize::from(length));
     assert_eq!(bytes, controller.default);
     assert_eq!(record::crc32(&bytes), crc);
-    assert!(matches!(controller.send([Command::Next { number: 255 }]), Some(Answer::Refused { .. })));
+    assert!(matches!(
+        controller.send([UpdateCommand::Next { number: 255 }]),
+        Some(UpdateAnswer::Refused { .. })
+    ));
 }

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command as Program;
 
 use kou_app::calibration::{CalibrationSource, CalibrationState};
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Session, Transfer};
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{UpdateGuard, UpdateSession, UpdateTransfer};
 use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
@@ -56,10 +56,12 @@ fn capture() -> (Capture, Value) {
         let health: Health = estimate.health;
         // Troubles come one by one and go again: single frames first, lists later.
         match tick {
-            400 => faults.confirmed(Code::Sensor(Channel::HighPressure, Fault::Open), Snapshot::at(4)),
-            800 => faults.confirmed(Code::Wear, Snapshot::at(8)),
-            1000 => faults.confirmed(Code::CalibrationLost, Snapshot::at(10)),
-            1500 => faults.healed(Code::Wear),
+            400 => {
+                faults.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4))
+            }
+            800 => faults.confirmed(FaultCode::Wear, FreezeFrame::at(8)),
+            1000 => faults.confirmed(FaultCode::CalibrationLost, FreezeFrame::at(10)),
+            1500 => faults.healed(FaultCode::Wear),
             _ => {}
         }
         for (at, pgn) in [(300, c::DM2.pgn), (1700, c::DM2.pgn), (350, Pgn::new(65253)), (360, c::DM1.pgn)] {
@@ -127,9 +129,9 @@ fn capture() -> (Capture, Value) {
 fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
     let key = key();
     let record = record_of(&reference_calibration());
-    let transfer = Transfer::new(&record, 1, &key.0).unwrap();
-    let mut session = Session::new();
-    let guard = Guard { loaded: false, keys: &key, counter: 0, machine: None };
+    let transfer = UpdateTransfer::new(&record, 1, &key.0).unwrap();
+    let mut session = UpdateSession::new();
+    let guard = UpdateGuard { loaded: false, keys: &key, counter: 0, machine: None };
     let bytes = |first: (&str, &str), data: &[u8; 8]| {
         let mut signals = Map::new();
         signals.insert(first.0.to_owned(), json!(first.1));
@@ -138,17 +140,17 @@ fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
         }
         signals
     };
-    let commands = transfer.commands().chain([Command::Abort, Command::Next { number: 0 }]);
+    let commands = transfer.commands().chain([UpdateCommand::Abort, UpdateCommand::Next { number: 0 }]);
     for (number, command) in commands.enumerate() {
         let now = Micros(begin.0 + 1000 * number as u64);
         let data = command.to_bytes();
         let command_name = match command {
-            Command::Begin { .. } => "begin",
-            Command::Data { .. } => "data",
-            Command::Commit => "commit",
-            Command::Abort => "abort",
-            Command::Read { .. } => "read",
-            Command::Next { .. } => "next",
+            UpdateCommand::Begin { .. } => "begin",
+            UpdateCommand::Data { .. } => "data",
+            UpdateCommand::Commit => "commit",
+            UpdateCommand::Abort => "abort",
+            UpdateCommand::Read { .. } => "read",
+            UpdateCommand::Next { .. } => "next",
         };
         let frame = Frame::new(Id::new(7, c::UPDATE_COMMAND.pgn, ADDRESS, TOOL), data);
         capture.add(now, &frame, &c::UPDATE_COMMAND, bytes(("Command", command_name), &data));
@@ -158,13 +160,13 @@ fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
         }
         let (tool, answer) = outcome.answer.unwrap();
         let answer_name = match answer {
-            Answer::Begun => "begun",
-            Answer::Taken { .. } => "taken",
-            Answer::Committed { .. } => "committed",
-            Answer::Aborted => "aborted",
-            Answer::ToBeRead { .. } => "to be read",
-            Answer::Segment { .. } => "segment",
-            Answer::Refused { .. } => "refused",
+            UpdateAnswer::Begun => "begun",
+            UpdateAnswer::Taken { .. } => "taken",
+            UpdateAnswer::Committed { .. } => "committed",
+            UpdateAnswer::Aborted => "aborted",
+            UpdateAnswer::ToBeRead { .. } => "to be read",
+            UpdateAnswer::Segment { .. } => "segment",
+            UpdateAnswer::Refused { .. } => "refused",
         };
         let data = answer.to_bytes();
         let frame = node.update_answer(tool, data).unwrap();

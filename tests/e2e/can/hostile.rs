@@ -4,11 +4,11 @@ use embassy_futures::block_on;
 use kou_app::calibration::CalibrationState;
 use kou_app::calibration::MachineIdentity;
 use kou_app::diagnostics::RejectReason;
-use kou_app::diagnostics::{Code, FaultMemory, Snapshot};
+use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Name, Node, Outputs, Pgn, Received};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::{Guard, Session, Todo, Transfer};
+use kou_app::update::{SessionAction, UpdateGuard, UpdateSession, UpdateTransfer};
 use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Reason};
@@ -84,7 +84,7 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
     };
     let counter = 9;
     // What the attacker recorded: the last accepted update, and one of it begun under a newer counter.
-    let transfer = Transfer::new(&record, counter, &key.0).unwrap();
+    let transfer = UpdateTransfer::new(&record, counter, &key.0).unwrap();
     let mut genuine: Vec<Frame> = transfer
         .commands()
         .map(|command| Frame::new(Id::new(7, c::UPDATE_COMMAND.pgn, ADDRESS, TOOL), command.to_bytes()))
@@ -100,7 +100,7 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
     let estimate = Estimate::invalid(Micros(0), Reason::NotLoaded);
     let mut faults = FaultMemory::new();
     let mut random = Random(1);
-    let mut session = Session::new();
+    let mut session = UpdateSession::new();
     let mut drive = DriveReadings::new(Some(DRIVE));
     let mut node = claimed(1000, &quiet(&estimate, &faults));
     let (mut replay, mut refusals, mut readings, mut lost, mut begun) = (0, 0_u32, 0_u32, 0_u32, 0_u32);
@@ -127,11 +127,11 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
 
         let received = node.receive(now, &frame);
         if let Received::Update { source, data } = received {
-            let guard = Guard { loaded: false, keys: &key, counter, machine: Some(&machine) };
+            let guard = UpdateGuard { loaded: false, keys: &key, counter, machine: Some(&machine) };
             let outcome = session.receive(now, source, data, &guard);
             match outcome.todo {
-                Some(Todo::Store { .. }) => panic!("{frame:?} led to a write"),
-                Some(Todo::Fill(_)) => {
+                Some(SessionAction::Store { .. }) => panic!("{frame:?} led to a write"),
+                Some(SessionAction::Fill(_)) => {
                     assert!(session.fill(now, |_| None).refused.is_some());
                 }
                 None => {}
@@ -139,7 +139,7 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
             begun += u32::from(outcome.answer.is_some() && outcome.refused.is_none());
             refusals += u32::from(outcome.refused.is_some());
             if let Some(why) = outcome.refused {
-                faults.happened(Code::UpdateRefused(why), Snapshot::at(0));
+                faults.happened(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
             }
         }
         session.poll(now);
@@ -161,7 +161,7 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
     }
     assert!(*store.flash().cells() == cells, "flash is untouched");
     // Also the last gate was reached: a whole recording under a newer counter, stopped by its tag.
-    assert!(faults.get(Code::UpdateRefused(RejectReason::Mac)).is_some());
+    assert!(faults.get(FaultCode::UpdateRefused(RejectReason::Mac)).is_some());
     println!("{readings} readings, {refusals} refusals, {begun} steps taken, address lost {lost} times");
     // The attack reached everything that it was meant to reach.
     assert!(readings > 1000 && refusals > 100_000 && begun > 1000 && lost > 100);

@@ -7,7 +7,7 @@ mod meaning;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::diagnostics::{Code, Dtc};
+use kou_app::diagnostics::{Dtc, FaultCode};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{Name, NameConfig};
 use kou_app::update::{Key, KeySource};
@@ -51,14 +51,14 @@ fn workspace() -> PathBuf {
 fn every_trouble_code_group_and_refusal_is_documented() {
     let read = |name: &str| std::fs::read_to_string(workspace().join("docs").join(name)).unwrap();
     let (can, update) = (read("can.md"), read("calibration-update.md"));
-    for code in Code::all() {
+    for code in FaultCode::all() {
         let Dtc { spn, fmi } = code.dtc();
         match code {
-            Code::Sensor(channel, fault) => {
+            FaultCode::Sensor(channel, fault) => {
                 assert!(can.contains(&format!("| {spn} |\n")), "{channel:?}");
                 assert!(can.contains(&format!("| {} | {fmi} |", fault.name())), "{fault:?}");
             }
-            Code::UpdateRefused(why) => {
+            FaultCode::UpdateRefused(why) => {
                 let row = format!("| {} | {} |", spn - 520_208, why.name());
                 assert!(update.contains(&row), "{row}");
             }

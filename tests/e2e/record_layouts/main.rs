@@ -11,7 +11,7 @@ mod shape;
 use std::path::{Path, PathBuf};
 
 use kou_app::diagnostics::FaultMemory;
-use kou_app::storage::{HealthRecord, Life, Record, StopNote, UpdateCounter};
+use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, UpdateCounter};
 use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, State, state_record};
 use serde::Deserialize;
@@ -53,9 +53,9 @@ fn every_record_has_the_layout_that_its_schema_says() {
     let wrong = [
         of!(HealthRecord),
         of!(FaultMemory),
-        of!(Life),
+        of!(OperatingCounters),
         of!(UpdateCounter),
-        of!(StopNote),
+        of!(CrashReport),
         compare("calibration_record", record::SCHEMA, &shape::of::<Calibration>()),
         compare("state_record", state_record::SCHEMA, &shape::of::<State>()),
     ];
@@ -68,11 +68,11 @@ fn a_changed_layout_is_noticed() {
     /// Hours, with a field more.
     #[derive(serde::Serialize, serde::Deserialize)]
     struct Longer {
-        life: Life,
+        life: OperatingCounters,
         more: u8,
     }
-    let known = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<Life>());
-    let changed = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<Longer>());
+    let known = compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &shape::of::<OperatingCounters>());
+    let changed = compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &shape::of::<Longer>());
     assert!(known.is_none() && changed.is_some_and(|text| text.contains("raise its SCHEMA")));
 }
 

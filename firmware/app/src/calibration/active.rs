@@ -8,7 +8,7 @@ use kou_estimator::calibration::check::CalibrationError;
 use kou_estimator::calibration::{Calibration, MachineConfig, record};
 
 use super::identity::{CalibrationSource, CalibrationState, MachineIdentity};
-use crate::diagnostics::{Code, RejectReason};
+use crate::diagnostics::{FaultCode, RejectReason};
 use crate::storage::{Store, StoreError, StoredCalibration, UpdateCounter};
 
 /// Where parameters are made: they are too large to be handed from one function to the next.
@@ -44,7 +44,7 @@ pub struct LoadedCalibration {
     /// taken then, because any could be an old one, until the workshop erases the storage.
     pub counter: u32,
     /// The trouble to be reported, if any.
-    pub trouble: Option<Code>,
+    pub trouble: Option<FaultCode>,
 }
 
 /// The last four bytes of a record: its CRC-32.
@@ -126,8 +126,8 @@ fn choose(
         Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
         Err(error) => {
             trouble = Some(match error {
-                StoreError::Schema { .. } | StoreError::Body(_) => Code::CalibrationLost,
-                _ => Code::StorageFailed,
+                StoreError::Schema { .. } | StoreError::Body(_) => FaultCode::CalibrationLost,
+                _ => FaultCode::StorageFailed,
             });
             (known.unwrap_or(u32::MAX), &[][..])
         }
@@ -136,7 +136,7 @@ fn choose(
     if !record.is_empty() {
         found = live(record, CalibrationSource::Stored, place);
         if found.is_none() {
-            trouble = Some(Code::CalibrationLost);
+            trouble = Some(FaultCode::CalibrationLost);
         }
     }
     if found.is_none() {

@@ -11,7 +11,7 @@ use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
 
 use super::publish::Publish;
 use super::shared::{Controller, NoEstimate};
-use crate::diagnostics::{Code, Snapshot};
+use crate::diagnostics::{FaultCode, FreezeFrame};
 use crate::j1939::{DriveReadings, Frame, Node, Outputs, Received};
 use crate::log::info;
 
@@ -32,7 +32,7 @@ pub trait CanPort {
 }
 
 /// The controller on its bus.
-pub struct Bus<'c, P, M: RawMutex> {
+pub struct CanInterface<'c, P, M: RawMutex> {
     port: P,
     node: Node,
     controller: &'c Controller<M>,
@@ -42,7 +42,7 @@ pub struct Bus<'c, P, M: RawMutex> {
     drive: Option<DriveReadings>,
 }
 
-impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
+impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
     /// A controller that will claim its address on this bus.
     pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
     /// The same, with the oil temperature that the controller at `source` sends (SPN 177) as a check of the own thermometer.
     /// Nobody else is listened to: a reading that anybody may send would be a way to silence the estimates.
     #[must_use]
-    pub fn hearing_oil_from(self, source: u8) -> Self {
+    pub fn with_external_oil_temperature(self, source: u8) -> Self {
         Self { drive: Some(DriveReadings::new(Some(source))), ..self }
     }
 
@@ -71,7 +71,7 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
 
     fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
         let seconds = self.controller.operating_s(now);
-        let snapshot = sample.map_or(Snapshot::at(seconds), |sample| Snapshot::of(seconds, sample));
+        let snapshot = sample.map_or(FreezeFrame::at(seconds), |sample| FreezeFrame::of(seconds, sample));
         let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
         let is_lost = self.node.is_silenced();
@@ -85,19 +85,19 @@ impl<'c, P: CanPort, M: RawMutex> Bus<'c, P, M> {
                     continue;
                 }
                 if let Some(fault) = *before {
-                    faults.healed(Code::Sensor(channel, fault));
+                    faults.healed(FaultCode::Sensor(channel, fault));
                 }
                 if let Some(fault) = fault {
-                    faults.confirmed(Code::Sensor(channel, fault), snapshot);
-                    *came = Some(Code::Sensor(channel, fault));
+                    faults.confirmed(FaultCode::Sensor(channel, fault), snapshot);
+                    *came = Some(FaultCode::Sensor(channel, fault));
                 }
                 *before = fault;
             }
             if let Some(estimate) = estimate {
-                faults.follows(Code::Wear, estimate.health.wear, snapshot);
-                faults.follows(Code::SensorSuspect, estimate.health.sensor, snapshot);
+                faults.follows(FaultCode::Wear, estimate.health.wear, snapshot);
+                faults.follows(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
             }
-            for (code, is_there) in [(Code::BusSilent, is_silent), (Code::AddressLost, is_lost)] {
+            for (code, is_there) in [(FaultCode::BusSilent, is_silent), (FaultCode::AddressLost, is_lost)] {
                 if is_there {
                     faults.confirmed(code, snapshot);
                 } else {
@@ -132,7 +132,7 @@ fn fault_of(sample: &Sample, channel: Channel) -> Option<Fault> {
     fault.filter(|fault| *fault != Fault::NotFitted)
 }
 
-impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
+impl<P: CanPort, M: RawMutex> Publish for CanInterface<'_, P, M> {
     async fn publish(
         &mut self,
         now: Micros,
@@ -169,7 +169,7 @@ impl<P: CanPort, M: RawMutex> Publish for Bus<'_, P, M> {
         }
     }
 
-    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
+    fn external_oil_temperature(&self, now: Micros) -> Reading<Celsius> {
         self.drive.as_ref().map_or(Reading::not_fitted(), |drive| drive.oil_temperature(now))
     }
 }
@@ -207,12 +207,16 @@ mod tests {
 
     type Shared = Controller<NoopRawMutex>;
 
-    fn bus(controller: &Shared, room: usize) -> Bus<'_, Line, NoopRawMutex> {
+    fn bus(controller: &Shared, room: usize) -> CanInterface<'_, Line, NoopRawMutex> {
         let name = Name::new(&NameConfig::transmission(1)).unwrap();
-        Bus::new(Line { come: Vec::new(), sent: Vec::new(), room }, Node::new(name, 0x8C), controller)
+        CanInterface::new(
+            Line { come: Vec::new(), sent: Vec::new(), room },
+            Node::new(name, 0x8C),
+            controller,
+        )
     }
 
-    fn turn(bus: &mut Bus<'_, Line, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
+    fn turn(bus: &mut CanInterface<'_, Line, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
         let none = Err(NoEstimate::NoCalibration);
         embassy_futures::block_on(bus.publish(Micros(ms * 1000), &none, sample));
     }
@@ -236,7 +240,7 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
         turn(&mut bus, 0, Some(&sample));
-        let code = Code::Sensor(Channel::PumpSpeed, Fault::Open);
+        let code = FaultCode::Sensor(Channel::PumpSpeed, Fault::Open);
         assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
         sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
         turn(&mut bus, 10, Some(&sample));
@@ -249,7 +253,7 @@ mod tests {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         let is_active =
-            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(Code::BusSilent)));
+            || controller.faults(|memory| memory.active().any(|e| e.code() == Some(FaultCode::BusSilent)));
         for ms in (0..=5_000).step_by(10) {
             turn(&mut bus, ms, None);
             assert!(!is_active(), "{ms}");

@@ -46,7 +46,7 @@ struct Learned {
 
 /// What was learned before it was contradicted, and for how long it has been.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trust {
+pub struct ConsistencyCheck {
     /// Learned; stands still as long as there are contradictions.
     learned: Learned,
     is_open: bool,
@@ -57,7 +57,7 @@ pub struct Trust {
     changes: u16,
 }
 
-impl Trust {
+impl ConsistencyCheck {
     /// Nothing learned.
     #[must_use]
     pub const fn new() -> Self {
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn what_agrees_with_the_level_learned_is_told_as_it_is() {
-        let mut trust = Trust::new();
+        let mut trust = ConsistencyCheck::new();
         let agrees = estimate(1.3 * LAW, 1.3, Health::new());
         assert_eq!(trust.judge(None, agrees), agrees);
     }
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
         for seen in [0.3, 0.7, 1.3, 2.0, 5.0] {
-            let told = Trust::new().judge(None, estimate(seen * LAW, 1.0, Health::new()));
+            let told = ConsistencyCheck::new().judge(None, estimate(seen * LAW, 1.0, Health::new()));
             // The square root of 2 where gap and the sensors' error are worst to each other, and rounding.
             assert!((seen - 1.0).abs() * LAW < 1.415 * se(told), "{seen}: {}", se(told));
             assert!(se(told) > SE && told.expected.unwrap().kou_se.get() > SE, "{seen}");
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
-        let mut trust = Trust::new();
+        let mut trust = ConsistencyCheck::new();
         assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
@@ -218,7 +218,7 @@ mod tests {
     fn confirmed_wear_is_believed_and_a_suspected_sensor_is_not() {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
-        let mut trust = Trust::new();
+        let mut trust = ConsistencyCheck::new();
         assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
         let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
@@ -226,11 +226,11 @@ mod tests {
         assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
 
         let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: Stage::Confirmed, ..open };
-        let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        let told = ConsistencyCheck::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(told.seen, Err(Reason::SensorSuspected));
         assert_eq!(told.expected, Err(Reason::SensorSuspected));
         // As before for five seconds: used again, whatever health still waits for.
-        let mut trust = Trust::new();
+        let mut trust = ConsistencyCheck::new();
         for _ in 0..AGREES {
             assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
         }
@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
-        let mut trust = Trust::new();
+        let mut trust = ConsistencyCheck::new();
         assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
@@ -266,6 +266,6 @@ mod tests {
     fn a_reason_of_the_estimator_stays() {
         let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
         invalid.seen = Err(Reason::RatioAboveLeakFree);
-        assert_eq!(Trust::new().judge(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
+        assert_eq!(ConsistencyCheck::new().judge(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
     }
 }

@@ -5,7 +5,7 @@ use embassy_time::Instant;
 use kou_estimator::step;
 
 use super::handover::Estimator;
-use super::periodic::{Pace, now};
+use super::periodic::{Ticker, now};
 use super::periods::ESTIMATE_PERIOD;
 use super::shared::{Controller, NoEstimate};
 use crate::log::info;
@@ -16,7 +16,7 @@ pub async fn run_estimate<M: RawMutex>(
     start: Instant,
     estimator: &mut Estimator,
 ) -> ! {
-    let mut pace = Pace::new(start, ESTIMATE_PERIOD, &controller.vitals.estimate);
+    let mut pace = Ticker::new(start, ESTIMATE_PERIOD, &controller.vitals.estimate);
     loop {
         pace.turn().await;
         if controller.exchange.serve(estimator) {

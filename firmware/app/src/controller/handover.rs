@@ -11,14 +11,14 @@ use kou_estimator::calibration::check::CalibrationError;
 use kou_estimator::health::HealthState;
 use kou_estimator::{Calibration, Params, State};
 
-use super::consistency::Trust;
+use super::consistency::ConsistencyCheck;
 use crate::calibration::{CalibrationState, ParamsSlot};
 use crate::diagnostics::FaultMemory;
 use crate::storage::HealthRecord;
 
 /// What lies there.
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to box anything")]
-pub(super) enum Slot {
+pub(super) enum Mailbox {
     /// Nothing.
     Empty,
     /// Parameters: being made, until it is said of what calibration; then for `estimate`, to be taken into use between two samples.
@@ -36,7 +36,7 @@ pub(super) enum Slot {
     Faults(FaultMemory),
 }
 
-impl Slot {
+impl Mailbox {
     /// Asks for what has been learned.
     // Not inlined: what is put here would lie in a task's memory for good.
     #[inline(never)]
@@ -67,7 +67,7 @@ impl Slot {
     }
 }
 
-impl ParamsSlot for Slot {
+impl ParamsSlot for Mailbox {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
         *self = Self::Calibration(None, None);
         let made = match self {
@@ -83,21 +83,26 @@ impl ParamsSlot for Slot {
 }
 
 /// The place.
-pub struct Exchange<M: RawMutex>(Mutex<M, Slot>);
+pub struct Handover<M: RawMutex>(Mutex<M, Mailbox>);
 
 /// What the task `estimate` works with. It lies outside of the task, which is moved when it is begun.
 pub struct Estimator {
     pub(super) params: Option<Params>,
     pub(super) calibration: CalibrationState,
     pub(super) state: State,
-    pub(super) trust: Trust,
+    pub(super) trust: ConsistencyCheck,
 }
 
 impl Estimator {
     /// Before the first calibration.
     #[must_use]
     pub const fn new() -> Self {
-        Self { params: None, calibration: CalibrationState::NONE, state: State::new(), trust: Trust::new() }
+        Self {
+            params: None,
+            calibration: CalibrationState::NONE,
+            state: State::new(),
+            trust: ConsistencyCheck::new(),
+        }
     }
 }
 
@@ -107,13 +112,13 @@ impl Default for Estimator {
     }
 }
 
-impl<M: RawMutex> Exchange<M> {
+impl<M: RawMutex> Handover<M> {
     pub(super) const fn new() -> Self {
-        Self(Mutex::new(Slot::Empty))
+        Self(Mutex::new(Mailbox::Empty))
     }
 
     /// The place, for `store` to work at. Waits for no longer than a turn of `estimate`.
-    pub(super) async fn lock(&self) -> MutexGuard<'_, M, Slot> {
+    pub(super) async fn lock(&self) -> MutexGuard<'_, M, Mailbox> {
         self.0.lock().await
     }
 
@@ -122,28 +127,28 @@ impl<M: RawMutex> Exchange<M> {
         let Ok(mut slot) = self.0.try_lock() else { return false };
         match &mut *slot {
             // Not complete, or not for this task.
-            Slot::Empty | Slot::Calibration(_, None) | Slot::Faults(_) => {}
-            Slot::Calibration(params, Some(calibration)) => {
+            Mailbox::Empty | Mailbox::Calibration(_, None) | Mailbox::Faults(_) => {}
+            Mailbox::Calibration(params, Some(calibration)) => {
                 core::mem::swap(&mut estimator.params, params);
                 estimator.calibration = *calibration;
                 // The state belongs to the old calibration and goes with it.
                 estimator.begin_anew();
-                *slot = Slot::Empty;
+                *slot = Mailbox::Empty;
                 return true;
             }
-            Slot::Learned(health) => {
+            Mailbox::Learned(health) => {
                 if estimator.params.is_some() {
                     estimator.go_on_with(health);
                 }
-                *slot = Slot::Empty;
+                *slot = Mailbox::Empty;
             }
-            Slot::Asked { record, is_told } if estimator.params.is_some() => {
+            Mailbox::Asked { record, is_told } if estimator.params.is_some() => {
                 if !*is_told {
                     estimator.tell(record);
                     *is_told = true;
                 }
             }
-            Slot::Asked { .. } => *slot = Slot::Empty,
+            Mailbox::Asked { .. } => *slot = Mailbox::Empty,
         }
         false
     }
@@ -154,13 +159,13 @@ impl Estimator {
     #[inline(never)]
     fn begin_anew(&mut self) {
         self.state = State::new();
-        self.trust = Trust::new();
+        self.trust = ConsistencyCheck::new();
     }
 
     #[inline(never)]
     fn go_on_with(&mut self, health: &HealthState) {
         self.state = State::with_health(health.clone());
-        self.trust = Trust::new();
+        self.trust = ConsistencyCheck::new();
     }
 
     #[inline(never)]

@@ -17,7 +17,7 @@
 //! | [`run_sample`] | 1 ms | highest | 1 ms | 20 ms |
 //! | [`run_estimate`] | 10 ms | high | 10 ms | 100 ms |
 //! | [`run_publish`] | 10 ms | low | 10 ms | 1 s |
-//! | [`run_store`] | 1 s | low | 1 s | 10 s |
+//! | [`run_storage`] | 1 s | low | 1 s | 10 s |
 //! | [`run_supervise`] | 50 ms | low | 50 ms | the watchdog's time |
 //!
 //! The tasks know no board: a board gives them a [`FrontEnd`], a [`Publish`], a flash and a [`Watchdog`], and runs each
@@ -43,17 +43,17 @@ mod supervisor;
 mod task_stats;
 mod write_schedule;
 
-pub use can_task::{Bus, CanPort};
+pub use can_task::{CanInterface, CanPort};
 pub use estimate::run_estimate;
-pub use handover::{Estimator, Exchange};
-pub use periodic::Pace;
+pub use handover::{Estimator, Handover};
+pub use periodic::Ticker;
 pub use periods::{
     ESTIMATE_PERIOD, MAX_ESTIMATE_AGE, PUBLISH_PERIOD, SAMPLE_PERIOD, STORE_PERIOD, SUPERVISE_PERIOD,
 };
 pub use publish::{Publish, run_publish};
-pub use sample::{EdgeTimer, FrontEnd, Sampler, SensorsMemory, run_sample};
+pub use sample::{AdcSampler, EdgeTimer, FrontEnd, SensorsMemory, run_sample};
 pub use shared::{Controller, NoEstimate};
-pub use storage_task::{Begin, Keeper, run_store};
+pub use storage_task::{StartReason, StorageTask, run_storage};
 pub use supervisor::{Supervisor, Task, Watchdog, run_supervise};
-pub use task_stats::{Vital, Vitals, VitalsRead};
-pub use write_schedule::{KeepConfig, KeepError, KeepParams};
+pub use task_stats::{AllTaskStats, TaskStats, TaskStatsSnapshot};
+pub use write_schedule::{WriteScheduleConfig, WriteScheduleError, WriteScheduleParams};

@@ -7,21 +7,21 @@
 use embassy_time::{Duration, Instant, Timer};
 use kou_estimator::units::Micros;
 
-use super::task_stats::Vital;
+use super::task_stats::TaskStats;
 
 /// Pace of one task.
 #[derive(Debug)]
-pub struct Pace<'a> {
+pub struct Ticker<'a> {
     period: Duration,
     due: Instant,
     began: Option<Instant>,
-    vital: &'a Vital,
+    vital: &'a TaskStats,
 }
 
-impl<'a> Pace<'a> {
+impl<'a> Ticker<'a> {
     /// The first turn is due one period after `start`. A period of zero is taken for the clock's shortest.
     #[must_use]
-    pub fn new(start: Instant, period: Duration, vital: &'a Vital) -> Self {
+    pub fn new(start: Instant, period: Duration, vital: &'a TaskStats) -> Self {
         let period = period.max(Duration::from_ticks(1));
         Self { period, due: start, began: None, vital }
     }
@@ -71,14 +71,14 @@ mod tests {
 
     use embassy_time::MockDriver;
 
-    use super::super::task_stats::Vitals;
+    use super::super::task_stats::AllTaskStats;
     use super::*;
 
     #[test]
     fn jitter_is_the_longest_wait_from_due_to_begun() {
-        let vitals = Vitals::new();
+        let vitals = AllTaskStats::new();
         let clock = MockDriver::get();
-        let mut pace = Pace::new(Instant::now(), Duration::from_millis(10), &vitals.publish);
+        let mut pace = Ticker::new(Instant::now(), Duration::from_millis(10), &vitals.publish);
         for late_us in [0, 250, 40] {
             let mut turn = pin!(pace.turn());
             let mut context = Context::from_waker(Waker::noop());

@@ -5,7 +5,7 @@ use embassy_time::Instant;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 
-use super::periodic::{Pace, now};
+use super::periodic::{Ticker, now};
 use super::periods::PUBLISH_PERIOD;
 use super::shared::{Controller, NoEstimate};
 
@@ -22,7 +22,7 @@ pub trait Publish {
     );
 
     /// Another thermometer's reading of the oil, as whoever is told has heard of it; not fitted where nobody tells.
-    fn oil_heard(&self, _now: Micros) -> Reading<Celsius> {
+    fn external_oil_temperature(&self, _now: Micros) -> Reading<Celsius> {
         Reading::not_fitted()
     }
 }
@@ -33,12 +33,12 @@ pub async fn run_publish<M: RawMutex>(
     start: Instant,
     to: &mut impl Publish,
 ) -> ! {
-    let mut pace = Pace::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
+    let mut pace = Ticker::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
     loop {
         pace.turn().await;
         let now = now();
         let estimate = controller.output(now);
         to.publish(now, &estimate, controller.sample().as_ref()).await;
-        controller.set_oil_heard(to.oil_heard(now));
+        controller.set_external_oil_temperature(to.external_oil_temperature(now));
     }
 }

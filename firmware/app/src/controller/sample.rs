@@ -3,19 +3,19 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 
-use super::periodic::{Pace, now};
+use super::periodic::{Ticker, now};
 use super::periods::{ESTIMATE_PERIOD, SAMPLE_PERIOD};
 use super::shared::Controller;
 use crate::log::warning;
 use crate::sensors::adc::{Adc, Input};
 use crate::sensors::pickup::Edges;
-use crate::sensors::set::{CHANNELS, Inputs, SensorsParams, SensorsState};
+use crate::sensors::set::{CHANNELS, SensorInputs, SensorsParams, SensorsState};
 
 /// Everything that a drive's sensors are connected to.
 #[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]
 pub trait FrontEnd {
     /// Reads all: a conversion of each wanted input, and the edges since the last call.
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs);
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs);
 }
 
 /// The timer that stamps the pickups' edges.
@@ -26,20 +26,20 @@ pub trait EdgeTimer {
 
 /// The usual front end: a converter and a timer.
 #[derive(Debug)]
-pub struct Sampler<A, T> {
+pub struct AdcSampler<A, T> {
     adc: A,
     timer: T,
 }
 
-impl<A: Adc, T: EdgeTimer> Sampler<A, T> {
+impl<A: Adc, T: EdgeTimer> AdcSampler<A, T> {
     /// Puts the two together.
     pub const fn new(adc: A, timer: T) -> Self {
         Self { adc, timer }
     }
 }
 
-impl<A: Adc, T: EdgeTimer> FrontEnd for Sampler<A, T> {
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+impl<A: Adc, T: EdgeTimer> FrontEnd for AdcSampler<A, T> {
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         // First the edges: they are stamped already, and the conversions take their time.
         into.pump.clear();
         into.motor.clear();
@@ -56,14 +56,14 @@ impl<A: Adc, T: EdgeTimer> FrontEnd for Sampler<A, T> {
 #[derive(Debug)]
 pub struct SensorsMemory {
     state: SensorsState,
-    inputs: Inputs,
+    inputs: SensorInputs,
 }
 
 impl SensorsMemory {
     /// Before the first millisecond.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: SensorsState::new(), inputs: Inputs::new() }
+        Self { state: SensorsState::new(), inputs: SensorInputs::new() }
     }
 }
 
@@ -84,7 +84,7 @@ pub async fn run_sample<M: RawMutex>(
     front_end: &mut impl FrontEnd,
     memory: &mut SensorsMemory,
 ) -> ! {
-    let mut pace = Pace::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
+    let mut pace = Ticker::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
     let SensorsMemory { state, inputs } = memory;
     let mut turn: u64 = 0;
     let mut faulty = false;
@@ -112,7 +112,7 @@ fn put_together<M: RawMutex>(
     params: &SensorsParams,
     state: &mut SensorsState,
 ) -> bool {
-    let sample = state.sample(params, &controller.oil_heard());
+    let sample = state.sample(params, &controller.external_oil_temperature());
     controller.set_sample(sample);
     sample.pump_speed.value.is_err()
         || sample.motor_speed.value.is_err()

@@ -10,14 +10,14 @@ use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use serde::{Deserialize, Serialize};
 
-use super::handover::Exchange;
+use super::handover::Handover;
 use super::periodic::now;
 use super::periods::MAX_ESTIMATE_AGE;
-use super::task_stats::Vitals;
+use super::task_stats::AllTaskStats;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::{Code, FaultMemory, Snapshot};
+use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use crate::log::info;
-use crate::storage::Kind;
+use crate::storage::RecordKind;
 
 /// Commands and answers of a calibration update that may wait.
 const QUEUE: usize = 4;
@@ -43,15 +43,15 @@ pub struct Controller<M: RawMutex> {
     faults: Mutex<M, RefCell<FaultMemory>>,
     operated_before_s: AtomicU32,
     writing: AtomicU8,
-    /// Parameters and learned health on their way between [`run_store`] and [`run_estimate`].
-    pub exchange: Exchange<M>,
+    /// Parameters and learned health on their way between [`run_storage`] and [`run_estimate`].
+    pub exchange: Handover<M>,
     /// Commands of a calibration update: who sent them, and their bytes.
     pub commands: Queue<M, (u8, [u8; 8]), QUEUE>,
     /// Answers to them: for whom, and their bytes.
     pub answers: Queue<M, (u8, [u8; 8]), QUEUE>,
-    oil_heard: Mutex<M, Cell<Reading<Celsius>>>,
+    external_oil_temperature: Mutex<M, Cell<Reading<Celsius>>>,
     /// How every task is doing.
-    pub vitals: Vitals,
+    pub vitals: AllTaskStats,
 }
 
 impl<M: RawMutex> Controller<M> {
@@ -66,11 +66,11 @@ impl<M: RawMutex> Controller<M> {
             faults: Mutex::new(RefCell::new(FaultMemory::new())),
             operated_before_s: AtomicU32::new(0),
             writing: AtomicU8::new(0),
-            exchange: Exchange::new(),
+            exchange: Handover::new(),
             commands: Queue::new(),
             answers: Queue::new(),
-            oil_heard: Mutex::new(Cell::new(Reading::not_fitted())),
-            vitals: Vitals::new(),
+            external_oil_temperature: Mutex::new(Cell::new(Reading::not_fitted())),
+            vitals: AllTaskStats::new(),
         }
     }
 
@@ -104,23 +104,23 @@ impl<M: RawMutex> Controller<M> {
     }
 
     /// What is measured now, at the present operating time.
-    pub(super) fn snapshot(&self) -> Snapshot {
+    pub(super) fn snapshot(&self) -> FreezeFrame {
         let operating_s = self.operating_s(now());
-        self.sample().map_or(Snapshot::at(operating_s), |sample| Snapshot::of(operating_s, &sample))
+        self.sample().map_or(FreezeFrame::at(operating_s), |sample| FreezeFrame::of(operating_s, &sample))
     }
 
-    pub(super) fn happened(&self, code: Code) {
+    pub(super) fn happened(&self, code: FaultCode) {
         info!("trouble {}", code);
         let snapshot = self.snapshot();
         self.faults(|memory| memory.happened(code, snapshot));
     }
 
-    pub(super) fn confirmed(&self, code: Code) {
+    pub(super) fn confirmed(&self, code: FaultCode) {
         let snapshot = self.snapshot();
         self.faults(|memory| memory.confirmed(code, snapshot));
     }
 
-    pub(super) fn healed(&self, code: Code) {
+    pub(super) fn healed(&self, code: FaultCode) {
         self.faults(|memory| memory.healed(code));
     }
 
@@ -135,20 +135,20 @@ impl<M: RawMutex> Controller<M> {
     }
 
     /// The record that is being written to flash, if any.
-    pub fn writing(&self) -> Option<Kind> {
-        self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(Kind::from_number)
+    pub fn writing(&self) -> Option<RecordKind> {
+        self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(RecordKind::from_number)
     }
 
-    pub(super) fn set_writing(&self, kind: Option<Kind>) {
+    pub(super) fn set_writing(&self, kind: Option<RecordKind>) {
         self.writing.store(kind.map_or(0, |kind| (kind as u8).saturating_add(1)), Ordering::Relaxed);
     }
 
-    pub(super) fn oil_heard(&self) -> Reading<Celsius> {
-        self.oil_heard.lock(Cell::get)
+    pub(super) fn external_oil_temperature(&self) -> Reading<Celsius> {
+        self.external_oil_temperature.lock(Cell::get)
     }
 
-    pub(super) fn set_oil_heard(&self, reading: Reading<Celsius>) {
-        self.oil_heard.lock(|cell| cell.set(reading));
+    pub(super) fn set_external_oil_temperature(&self, reading: Reading<Celsius>) {
+        self.external_oil_temperature.lock(|cell| cell.set(reading));
     }
 
     pub(super) fn set_sample(&self, sample: Sample) {

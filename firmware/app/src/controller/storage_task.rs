@@ -16,18 +16,18 @@ use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::{Megapascal, Micros};
 
-use super::handover::Slot;
-use super::periodic::{Pace, now};
+use super::handover::Mailbox;
+use super::periodic::{Ticker, now};
 use super::periods::STORE_PERIOD;
 use super::shared::Controller;
-use super::write_schedule::{Due, KeepParams, Schedule};
+use super::write_schedule::{DueWrite, WriteSchedule, WriteScheduleParams};
 use crate::calibration::CalibrationState;
 use crate::diagnostics::crash_log;
-use crate::diagnostics::{Code, FaultMemory, Note, ResetCause};
+use crate::diagnostics::{CrashRecord, FaultCode, FaultMemory, ResetCause};
 use crate::log::{info, warning};
 use crate::outlined_await::await_outlined;
-use crate::storage::{HealthRecord, Kind, Life, Record, StopNote, StoreError};
-use crate::update::{Handled, KeySource, Service, is_loaded};
+use crate::storage::{CrashReport, HealthRecord, OperatingCounters, Record, RecordKind, StoreError};
+use crate::update::{CommandOutcome, KeySource, UpdateService, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
 const UNCALIBRATED_LEAST: Megapascal = Megapascal(2.0);
@@ -36,22 +36,22 @@ const GLANCE: Duration = Duration::from_millis(2);
 
 /// Why this run began.
 #[derive(Debug, Clone)]
-pub struct Begin {
+pub struct StartReason {
     /// As the hardware tells.
     pub cause: ResetCause,
     /// What the run before left.
-    pub note: Option<Note>,
+    pub note: Option<CrashRecord>,
 }
 
 /// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
-pub struct Keeper<'d, F: NorFlash, K> {
-    service: Service<'d, F, K>,
-    schedule: Schedule,
+pub struct StorageTask<'d, F: NorFlash, K> {
+    service: UpdateService<'d, F, K>,
+    schedule: WriteSchedule,
     cause: ResetCause,
     /// What the run before left.
-    stop: Option<StopNote>,
+    stop: Option<CrashReport>,
     /// Hours and starts as they were at the start of this run.
-    life: Life,
+    life: OperatingCounters,
     least_difference: Megapascal,
     /// Level, its error and changes of learned health when it was last written.
     written: Option<(u32, u32, u16)>,
@@ -59,15 +59,15 @@ pub struct Keeper<'d, F: NorFlash, K> {
     missed: u32,
 }
 
-impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
+impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
     /// Puts together what the task needs.
-    pub fn new(service: Service<'d, F, K>, rates: KeepParams, begin: Begin) -> Self {
+    pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, begin: StartReason) -> Self {
         Self {
             service,
-            schedule: Schedule::new(rates),
+            schedule: WriteSchedule::new(rates),
             cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
-            stop: begin.note.map(|note| StopNote { operating_s: 0, note }),
-            life: Life::new(),
+            stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
+            life: OperatingCounters::new(),
             least_difference: UNCALIBRATED_LEAST,
             written: None,
             faults_changed: false,
@@ -76,7 +76,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     }
 
     /// Store and session, for whoever looks at what was kept when the task is over.
-    pub fn service(&mut self) -> &mut Service<'d, F, K> {
+    pub fn service(&mut self) -> &mut UpdateService<'d, F, K> {
         &mut self.service
     }
 
@@ -85,7 +85,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         // Learned health is for the calibration in use: that one first.
         while let Some(crc) = crc {
             let mut slot = controller.exchange.lock().await;
-            if matches!(*slot, Slot::Empty) {
+            if matches!(*slot, Mailbox::Empty) {
                 let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
                 await_outlined!(self.service.store().read_to(to)).ok();
                 break;
@@ -139,7 +139,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         // An update takes the place of what has been learned and is to be written yet.
         await_outlined!(self.keep_told(controller));
         let mut slot = controller.exchange.lock().await;
-        controller.set_writing(Some(Kind::Calibration));
+        controller.set_writing(Some(RecordKind::Calibration));
         let handled = await_outlined!(self.service.receive(now(), tool, command, loaded, &mut *slot));
         controller.set_writing(None);
         if self.hand_over(&mut slot, handled.adopted).is_some() {
@@ -149,7 +149,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     }
 
     /// Hands the parameters that were made over to the estimator; the calibration's CRC.
-    fn hand_over(&mut self, slot: &mut Slot, adopted: Option<CalibrationState>) -> Option<u32> {
+    fn hand_over(&mut self, slot: &mut Mailbox, adopted: Option<CalibrationState>) -> Option<u32> {
         let calibration = adopted?;
         self.least_difference = slot.params()?.limits().min_pressure_difference;
         slot.hand_over(calibration);
@@ -159,9 +159,9 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
     /// Writes what has been learned, where `estimate` has told it; false where not.
     async fn keep_told<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
         let mut slot = controller.exchange.lock().await;
-        let Slot::Asked { record, is_told: true } = &*slot else { return false };
+        let Mailbox::Asked { record, is_told: true } = &*slot else { return false };
         keep(&mut self.service, controller, record).await;
-        *slot = Slot::Empty;
+        *slot = Mailbox::Empty;
         true
     }
 
@@ -174,23 +174,23 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             return;
         }
         // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
-        if !matches!(*controller.exchange.lock().await, Slot::Empty) {
+        if !matches!(*controller.exchange.lock().await, Mailbox::Empty) {
             return;
         }
         self.faults_changed |= controller.faults(|memory| memory.take_changed());
         let health = learned_now(controller);
         let health_changed = health.is_some() && health != self.written;
         match self.schedule.due(now(), self.faults_changed, health_changed) {
-            Due::Nothing => {}
-            Due::Faults => {
+            DueWrite::Nothing => {}
+            DueWrite::Faults => {
                 self.faults_changed = false;
                 await_outlined!(self.keep_faults(controller));
             }
-            Due::Health => {
+            DueWrite::Health => {
                 self.written = health;
                 controller.exchange.lock().await.ask();
             }
-            Due::Life => {
+            DueWrite::OperatingCounters => {
                 let life = self.life_at(now());
                 keep(&mut self.service, controller, &life).await;
             }
@@ -201,13 +201,13 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
         let mut slot = controller.exchange.lock().await;
         // A copy, because others are locked out while it is looked at.
         copy_faults(controller, &mut slot);
-        if let Slot::Faults(faults) = &*slot {
+        if let Mailbox::Faults(faults) = &*slot {
             keep(&mut self.service, controller, faults).await;
         }
-        *slot = Slot::Empty;
+        *slot = Mailbox::Empty;
     }
 
-    fn life_at(&self, now: Micros) -> Life {
+    fn life_at(&self, now: Micros) -> OperatingCounters {
         let mut life = self.life;
         life.ran(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
         life
@@ -218,7 +218,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
             controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
-            controller.happened(Code::Overrun);
+            controller.happened(FaultCode::Overrun);
         }
         self.missed = missed;
     }
@@ -226,7 +226,7 @@ impl<'d, F: NorFlash, K: KeySource> Keeper<'d, F, K> {
 
 /// Writes a record, and says that it does.
 async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
-    service: &mut Service<'_, F, K>,
+    service: &mut UpdateService<'_, F, K>,
     controller: &Controller<M>,
     record: &R,
 ) {
@@ -238,8 +238,8 @@ async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
 
 // Not inlined: the copy would lie in the task's memory for good.
 #[inline(never)]
-fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Slot) {
-    controller.faults(|memory| *slot = Slot::Faults(memory.clone()));
+fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Mailbox) {
+    controller.faults(|memory| *slot = Mailbox::Faults(memory.clone()));
 }
 
 /// Level, its error and changes, to see whether they have changed.
@@ -250,23 +250,23 @@ fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16
 
 fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
     match result {
-        Ok(()) => controller.healed(Code::StorageFailed),
+        Ok(()) => controller.healed(FaultCode::StorageFailed),
         Err(error) => {
             warning!("the flash refuses: {}", error);
-            controller.confirmed(Code::StorageFailed);
+            controller.confirmed(FaultCode::StorageFailed);
         }
     }
 }
 
 /// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
-fn restore(slot: &mut Slot, crc: u32, record: &HealthRecord) {
+fn restore(slot: &mut Mailbox, crc: u32, record: &HealthRecord) {
     match record.for_calibration(crc) {
         Some(state) if state.is_sound() => slot.learned(state),
         _ => warning!("learned health is of another calibration: it is learned anew"),
     }
 }
 
-fn answer<M: RawMutex>(controller: &Controller<M>, handled: &Handled) {
+fn answer<M: RawMutex>(controller: &Controller<M>, handled: &CommandOutcome) {
     if let Some(code) = handled.trouble {
         controller.happened(code);
     }
@@ -277,13 +277,13 @@ fn answer<M: RawMutex>(controller: &Controller<M>, handled: &Handled) {
 }
 
 /// Keeps for ever.
-pub async fn run_store<M: RawMutex, F: NorFlash, K: KeySource>(
+pub async fn run_storage<M: RawMutex, F: NorFlash, K: KeySource>(
     controller: &Controller<M>,
     start: Instant,
-    keeper: &mut Keeper<'_, F, K>,
+    keeper: &mut StorageTask<'_, F, K>,
 ) -> ! {
     keeper.open(controller).await;
-    let mut pace = Pace::new(start, STORE_PERIOD, &controller.vitals.store);
+    let mut pace = Ticker::new(start, STORE_PERIOD, &controller.vitals.store);
     loop {
         let due = pace.end();
         // Commands in between; not without end, or a tool that floods would keep the task from its turns.

@@ -7,10 +7,10 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant};
 
-use super::periodic::Pace;
+use super::periodic::Ticker;
 use super::periods::SUPERVISE_PERIOD;
 use super::shared::Controller;
-use super::task_stats::{Vital, Vitals};
+use super::task_stats::{AllTaskStats, TaskStats};
 use crate::log::warning;
 
 /// A watched task.
@@ -41,7 +41,7 @@ impl Task {
 
     /// Longest time without a turn.
     #[must_use]
-    pub const fn patience(self) -> Duration {
+    pub const fn timeout(self) -> Duration {
         match self {
             Self::Sample => Duration::from_millis(20),
             Self::Estimate => Duration::from_millis(100),
@@ -50,7 +50,7 @@ impl Task {
         }
     }
 
-    fn vital(self, vitals: &Vitals) -> &Vital {
+    fn vital(self, vitals: &AllTaskStats) -> &TaskStats {
         match self {
             Self::Sample => &vitals.sample,
             Self::Estimate => &vitals.estimate,
@@ -86,12 +86,12 @@ impl Supervisor {
     /// Looks at every task; the first one that is overdue, once found, for good.
     // Not inlined: the proof of the stacks knows the task by it.
     #[inline(never)]
-    pub fn look(&mut self, vitals: &Vitals, now: Instant) -> Option<Task> {
+    pub fn look(&mut self, vitals: &AllTaskStats, now: Instant) -> Option<Task> {
         for (task, (turns, since)) in Task::ALL.into_iter().zip(&mut self.seen) {
             let turns_now = task.vital(vitals).read().turns;
             if turns_now != *turns {
                 (*turns, *since) = (turns_now, now);
-            } else if now.saturating_duration_since(*since) > task.patience() + SUPERVISE_PERIOD {
+            } else if now.saturating_duration_since(*since) > task.timeout() + SUPERVISE_PERIOD {
                 self.overdue.get_or_insert(task);
             }
         }
@@ -105,7 +105,7 @@ pub async fn run_supervise<M: RawMutex>(
     start: Instant,
     watchdog: &mut impl Watchdog,
 ) -> ! {
-    let mut pace = Pace::new(start, SUPERVISE_PERIOD, &controller.vitals.supervise);
+    let mut pace = Ticker::new(start, SUPERVISE_PERIOD, &controller.vitals.supervise);
     let mut supervisor = Supervisor::new(start);
     let mut given_up = false;
     loop {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// One task's figures; each stays at its maximum instead of wrapping, but for the turns, which wrap.
 #[derive(Debug)]
-pub struct Vital {
+pub struct TaskStats {
     turns: AtomicU32,
     missed: AtomicU32,
     skipped: AtomicU32,
@@ -20,7 +20,7 @@ pub struct Vital {
 /// One task's figures at one time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct VitalsRead {
+pub struct TaskStatsSnapshot {
     /// Turns begun since start, modulo 2^32.
     pub turns: u32,
     /// Turns that were not done when the next one was due.
@@ -33,7 +33,7 @@ pub struct VitalsRead {
     pub longest_us: u32,
 }
 
-impl Vital {
+impl TaskStats {
     const fn new() -> Self {
         Self {
             turns: AtomicU32::new(0),
@@ -46,8 +46,8 @@ impl Vital {
 
     /// The figures as they stand.
     #[must_use]
-    pub fn read(&self) -> VitalsRead {
-        VitalsRead {
+    pub fn read(&self) -> TaskStatsSnapshot {
+        TaskStatsSnapshot {
             turns: self.turns.load(Ordering::Relaxed),
             missed: self.missed.load(Ordering::Relaxed),
             skipped: self.skipped.load(Ordering::Relaxed),
@@ -84,28 +84,28 @@ fn add(figure: &AtomicU32, more: u64) {
 /// Figures of all tasks that the supervisor watches, and of itself.
 #[derive(Debug)]
 #[allow(missing_docs, reason = "each field is the task of its name")]
-pub struct Vitals {
-    pub sample: Vital,
-    pub estimate: Vital,
-    pub publish: Vital,
-    pub store: Vital,
-    pub supervise: Vital,
+pub struct AllTaskStats {
+    pub sample: TaskStats,
+    pub estimate: TaskStats,
+    pub publish: TaskStats,
+    pub store: TaskStats,
+    pub supervise: TaskStats,
 }
 
-impl Vitals {
+impl AllTaskStats {
     pub(super) const fn new() -> Self {
         Self {
-            sample: Vital::new(),
-            estimate: Vital::new(),
-            publish: Vital::new(),
-            store: Vital::new(),
-            supervise: Vital::new(),
+            sample: TaskStats::new(),
+            estimate: TaskStats::new(),
+            publish: TaskStats::new(),
+            store: TaskStats::new(),
+            supervise: TaskStats::new(),
         }
     }
 
     /// Every task's figures, in the order of the fields.
     #[must_use]
-    pub fn read(&self) -> [VitalsRead; 5] {
-        [&self.sample, &self.estimate, &self.publish, &self.store, &self.supervise].map(Vital::read)
+    pub fn read(&self) -> [TaskStatsSnapshot; 5] {
+        [&self.sample, &self.estimate, &self.publish, &self.store, &self.supervise].map(TaskStats::read)
     }
 }

@@ -8,7 +8,7 @@ use kou_estimator::units::Micros;
 
 /// Rates of writing, as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct KeepConfig {
+pub struct WriteScheduleConfig {
     /// Time between two writes of learned health, s: what a power cut may lose of it.
     pub health_s: u32,
     /// Time between two writes of the hours, s: what a power cut may lose of them.
@@ -19,7 +19,7 @@ pub struct KeepConfig {
     pub fault_refill_s: u32,
 }
 
-impl KeepConfig {
+impl WriteScheduleConfig {
     /// Rates for a vehicle: `docs/storage.md` has the years that follow.
     pub const VEHICLE: Self = Self { health_s: 600, life_s: 600, fault_burst: 6, fault_refill_s: 600 };
 }
@@ -27,43 +27,43 @@ impl KeepConfig {
 /// Why rates are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum KeepError {
-    /// [`KeepConfig::health_s`] is not within 1 to 86 400 s.
+pub enum WriteScheduleError {
+    /// [`WriteScheduleConfig::health_s`] is not within 1 to 86 400 s.
     Health,
-    /// [`KeepConfig::life_s`] is not within 1 to 86 400 s.
-    Life,
-    /// [`KeepConfig::fault_burst`] is 0, or [`KeepConfig::fault_refill_s`] not within 1 to 86 400 s.
+    /// [`WriteScheduleConfig::life_s`] is not within 1 to 86 400 s.
+    OperatingCounters,
+    /// [`WriteScheduleConfig::fault_burst`] is 0, or [`WriteScheduleConfig::fault_refill_s`] not within 1 to 86 400 s.
     Faults,
 }
 
 /// Checked rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct KeepParams {
+pub struct WriteScheduleParams {
     health_s: u32,
     life_s: u32,
     fault_burst: u8,
     fault_refill_s: u32,
 }
 
-impl KeepParams {
+impl WriteScheduleParams {
     /// Checks the rates.
     ///
     /// # Errors
     /// The first that is out of range.
-    pub const fn new(config: &KeepConfig) -> Result<Self, KeepError> {
+    pub const fn new(config: &WriteScheduleConfig) -> Result<Self, WriteScheduleError> {
         const fn is_span(seconds: u32) -> bool {
             seconds >= 1 && seconds <= 86_400
         }
         if !is_span(config.health_s) {
-            return Err(KeepError::Health);
+            return Err(WriteScheduleError::Health);
         }
         if !is_span(config.life_s) {
-            return Err(KeepError::Life);
+            return Err(WriteScheduleError::OperatingCounters);
         }
         if config.fault_burst == 0 || !is_span(config.fault_refill_s) {
-            return Err(KeepError::Faults);
+            return Err(WriteScheduleError::Faults);
         }
-        let KeepConfig { health_s, life_s, fault_burst, fault_refill_s } = *config;
+        let WriteScheduleConfig { health_s, life_s, fault_burst, fault_refill_s } = *config;
         Ok(Self { health_s, life_s, fault_burst, fault_refill_s })
     }
 }
@@ -74,32 +74,32 @@ const SETTLE_S: u32 = 2;
 
 /// What is to be written in a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Due {
+pub(super) enum DueWrite {
     Nothing,
     Faults,
     Health,
-    Life,
+    OperatingCounters,
 }
 
 /// When what was written last, in seconds since the start.
 #[derive(Debug, Clone)]
-pub(super) struct Schedule {
-    params: KeepParams,
+pub(super) struct WriteSchedule {
+    params: WriteScheduleParams,
     health_at_s: u32,
     life_at_s: u32,
     fault_writes_left: u8,
     refilled_at_s: u32,
 }
 
-impl Schedule {
+impl WriteSchedule {
     /// At the start, when the hours have just been written.
-    pub const fn new(params: KeepParams) -> Self {
+    pub const fn new(params: WriteScheduleParams) -> Self {
         Self { params, health_at_s: 0, life_at_s: 0, fault_writes_left: params.fault_burst, refilled_at_s: 0 }
     }
 
     /// What is due at `now`. `faults_changed` and `health_changed`: since they were last written. What is returned counts as
     /// written, also where the flash refuses: trying without end would wear it most.
-    pub fn due(&mut self, now: Micros, faults_changed: bool, health_changed: bool) -> Due {
+    pub fn due(&mut self, now: Micros, faults_changed: bool, health_changed: bool) -> DueWrite {
         let now_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
         let since = |at_s: u32| now_s.saturating_sub(at_s);
         if since(self.refilled_at_s) >= self.params.fault_refill_s {
@@ -111,17 +111,17 @@ impl Schedule {
                 self.refilled_at_s = now_s;
             }
             self.fault_writes_left = self.fault_writes_left.saturating_sub(1);
-            return Due::Faults;
+            return DueWrite::Faults;
         }
         if now_s >= SETTLE_S && health_changed && since(self.health_at_s) >= self.params.health_s {
             self.health_at_s = now_s;
-            return Due::Health;
+            return DueWrite::Health;
         }
         if since(self.life_at_s) >= self.params.life_s {
             self.life_at_s = now_s;
-            return Due::Life;
+            return DueWrite::OperatingCounters;
         }
-        Due::Nothing
+        DueWrite::Nothing
     }
 }
 
@@ -129,8 +129,8 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    fn schedule() -> Schedule {
-        Schedule::new(KeepParams::new(&KeepConfig::VEHICLE).unwrap())
+    fn schedule() -> WriteSchedule {
+        WriteSchedule::new(WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap())
     }
 
     fn seconds(s: u32) -> Micros {
@@ -139,37 +139,41 @@ mod tests {
 
     #[test]
     fn rates_that_make_no_sense_are_refused_by_name() {
-        let good = KeepConfig::VEHICLE;
+        let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
-            (KeepConfig { health_s: 0, ..good }, KeepError::Health),
-            (KeepConfig { life_s: 86_401, ..good }, KeepError::Life),
-            (KeepConfig { fault_burst: 0, ..good }, KeepError::Faults),
-            (KeepConfig { fault_refill_s: 0, ..good }, KeepError::Faults),
+            (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
+            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
+            (WriteScheduleConfig { fault_burst: 0, ..good }, WriteScheduleError::Faults),
+            (WriteScheduleConfig { fault_refill_s: 0, ..good }, WriteScheduleError::Faults),
         ] {
-            assert_eq!(KeepParams::new(&config), Err(why));
+            assert_eq!(WriteScheduleParams::new(&config), Err(why));
         }
     }
 
     #[test]
     fn troubles_that_come_and_go_for_a_day_are_written_a_bounded_number_of_times() {
         let mut schedule = schedule();
-        let writes = (1..86_400).filter(|s| schedule.due(seconds(*s), true, false) == Due::Faults).count();
+        let writes =
+            (1..86_400).filter(|s| schedule.due(seconds(*s), true, false) == DueWrite::Faults).count();
         assert_eq!(writes, 6 + 86_400 / 600 - 1);
     }
 
     #[test]
     fn health_and_hours_are_written_once_in_a_period_and_what_has_not_changed_is_not() {
         let mut schedule = schedule();
-        let due: std::vec::Vec<Due> =
+        let due: std::vec::Vec<DueWrite> =
             (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
         let count = |what| due.iter().filter(|one| **one == what).count();
-        assert_eq!((count(Due::Life), count(Due::Health), count(Due::Faults)), (10, 5, 0));
+        assert_eq!(
+            (count(DueWrite::OperatingCounters), count(DueWrite::Health), count(DueWrite::Faults)),
+            (10, 5, 0)
+        );
     }
 
     #[test]
     fn a_controller_that_starts_over_and_over_writes_only_its_hours() {
         let mut schedule = schedule();
-        assert_eq!(schedule.due(Micros(1_999_999), true, true), Due::Nothing);
-        assert_eq!(schedule.due(seconds(2), true, true), Due::Faults);
+        assert_eq!(schedule.due(Micros(1_999_999), true, true), DueWrite::Nothing);
+        assert_eq!(schedule.due(seconds(2), true, true), DueWrite::Faults);
     }
 }

@@ -26,7 +26,7 @@ const HEAD: usize = 10;
 /// On flash by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Kind {
+pub enum CrashKind {
     /// The firmware panicked; the text is its message.
     Panic,
     /// A hard fault; the text tells where.
@@ -37,15 +37,15 @@ pub enum Kind {
     Asked,
 }
 
-impl Kind {
+impl CrashKind {
     const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Asked];
 }
 
 /// A note that was left.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Note {
+pub struct CrashRecord {
     /// What happened.
-    pub kind: Kind,
+    pub kind: CrashKind,
     /// In words, cut where there was no room.
     pub text: heapless::String<{ LEN - HEAD }>,
 }
@@ -53,11 +53,11 @@ pub struct Note {
 /// Why the controller started: what the note says where there is one, since the hardware sees a panic as a reset that was
 /// asked for; else what the hardware says.
 #[must_use]
-pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
+pub fn cause_of(hardware: ResetCause, note: Option<&CrashRecord>) -> ResetCause {
     match note.map(|note| note.kind) {
-        Some(Kind::Panic | Kind::HardFault) => ResetCause::Panic,
-        Some(Kind::Overdue) => ResetCause::Watchdog,
-        Some(Kind::Asked) => ResetCause::Software,
+        Some(CrashKind::Panic | CrashKind::HardFault) => ResetCause::Panic,
+        Some(CrashKind::Overdue) => ResetCause::Watchdog,
+        Some(CrashKind::Asked) => ResetCause::Software,
         None => hardware,
     }
 }
@@ -65,13 +65,13 @@ pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
 /// Leaves a note; `tell` gives the text.
 // Not inlined: the proof of the stacks knows it by its name, since what comes after a note is a reset.
 #[inline(never)]
-pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>)) {
+pub fn write(memory: &mut [u8; LEN], kind: CrashKind, tell: impl FnOnce(&mut CrashText<'_>)) {
     memory.fill(0);
     let (head, body) = memory.split_at_mut(HEAD);
-    let mut text = Text { body, used: 0 };
+    let mut text = CrashText { body, used: 0 };
     tell(&mut text);
     let used = u8::try_from(text.used).unwrap_or(0);
-    let kind = Kind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
+    let kind = CrashKind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
     if let [.., kind_byte, length] = head {
         (*kind_byte, *length) = (kind.unwrap_or(0), used);
     }
@@ -83,7 +83,7 @@ pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>
 }
 
 /// Reads the note, if there is one, and wipes it: from here on the firmware runs.
-pub fn take(memory: &mut [u8; LEN]) -> Option<Note> {
+pub fn take(memory: &mut [u8; LEN]) -> Option<CrashRecord> {
     let note = read(memory);
     memory.fill(0);
     for (byte, mark) in memory.iter_mut().zip(RUNS) {
@@ -107,7 +107,7 @@ pub const fn supply_reset(has_survived: bool) -> ResetCause {
     if has_survived { ResetCause::BrownOut } else { ResetCause::PowerOn }
 }
 
-fn read(memory: &[u8; LEN]) -> Option<Note> {
+fn read(memory: &[u8; LEN]) -> Option<CrashRecord> {
     let (mark, rest) = memory.split_first_chunk::<4>()?;
     let (crc, rest) = rest.split_first_chunk::<4>()?;
     if *mark != MARK || u32::from_le_bytes(*crc) != crc32(rest) {
@@ -115,18 +115,21 @@ fn read(memory: &[u8; LEN]) -> Option<Note> {
     }
     let (&[kind, length], body) = rest.split_first_chunk::<2>()?;
     let text = core::str::from_utf8(body.get(..usize::from(length))?).ok()?;
-    Some(Note { kind: *Kind::ALL.get(usize::from(kind))?, text: heapless::String::try_from(text).ok()? })
+    Some(CrashRecord {
+        kind: *CrashKind::ALL.get(usize::from(kind))?,
+        text: heapless::String::try_from(text).ok()?,
+    })
 }
 
 /// The text of a note; what has no room is cut at a whole character. It can be formatted into ([`fmt::Write`]), but a board with
 /// little flash had better not: formatting takes kilobytes.
 #[derive(Debug)]
-pub struct Text<'a> {
+pub struct CrashText<'a> {
     body: &'a mut [u8],
     used: usize,
 }
 
-impl Text<'_> {
+impl CrashText<'_> {
     /// Adds a text.
     pub fn push(&mut self, text: &str) -> &mut Self {
         for character in text.chars() {
@@ -155,7 +158,7 @@ impl Text<'_> {
     }
 }
 
-impl fmt::Write for Text<'_> {
+impl fmt::Write for CrashText<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         self.push(text);
         Ok(())
@@ -173,7 +176,7 @@ mod tests {
     #[test]
     fn a_note_survives_as_it_was_left_and_is_read_once() {
         let mut memory = [0xA5; LEN];
-        for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
+        for kind in [CrashKind::Panic, CrashKind::HardFault, CrashKind::Overdue, CrashKind::Asked] {
             write(&mut memory, kind, |text| {
                 text.push("index out of bounds at src/x.rs:12");
             });
@@ -183,7 +186,7 @@ mod tests {
         }
         // Too long: cut, and not within a character.
         let long = ["y", &"ü".repeat(200)].concat();
-        write(&mut memory, Kind::Panic, |text| {
+        write(&mut memory, CrashKind::Panic, |text| {
             text.push(&long).push("x");
         });
         let note = take(&mut memory).unwrap();
@@ -202,14 +205,14 @@ mod tests {
             forgetting[bit / 8] ^= 1 << (bit % 8);
             assert!(!has_survived(&forgetting), "bit {bit}");
         }
-        write(&mut memory, Kind::Panic, |_| ());
+        write(&mut memory, CrashKind::Panic, |_| ());
         assert!(has_survived(&memory), "a note has survived as well");
     }
 
     #[test]
     fn every_single_wrong_bit_of_a_note_is_noticed() {
         let mut memory = [0; LEN];
-        write(&mut memory, Kind::Overdue, |text| {
+        write(&mut memory, CrashKind::Overdue, |text| {
             text.push("estimate");
         });
         for bit in 0..LEN * 8 {

@@ -16,7 +16,7 @@ const OWN_REFUSALS: u32 = OWN + 16;
 /// Something that can go wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Code {
+pub enum FaultCode {
     /// A channel has no usable value. [`Fault::NotFitted`] is no trouble and has no code.
     Sensor(Channel, Fault),
     /// The machine leaks more than it did, and nothing but leakage explains it.
@@ -62,7 +62,7 @@ pub enum Lamp {
     Amber,
 }
 
-impl Code {
+impl FaultCode {
     /// Every code, each once.
     pub fn all() -> impl Iterator<Item = Self> {
         let sensors = Channel::ALL.into_iter().flat_map(|channel| {
@@ -186,13 +186,13 @@ mod tests {
     #[test]
     fn codes_and_trouble_codes_belong_to_each_other_one_to_one() {
         let mut count = 0;
-        for code in Code::all() {
+        for code in FaultCode::all() {
             let dtc = code.dtc();
             assert!(dtc.spn > 0 && dtc.spn < 1 << 19 && dtc.fmi < 32, "{code:?}");
-            assert_eq!(Code::from_dtc(dtc), Some(code), "two codes share {dtc:?}");
+            assert_eq!(FaultCode::from_dtc(dtc), Some(code), "two codes share {dtc:?}");
             count += 1;
         }
         assert_eq!(count, Channel::ALL.len() * (Fault::ALL.len() - 1) + RejectReason::ALL.len() + 10);
-        assert_eq!(Code::from_dtc(Dtc { spn: 161, fmi: 11 }), None);
+        assert_eq!(FaultCode::from_dtc(Dtc { spn: 161, fmi: 11 }), None);
     }
 }

@@ -11,7 +11,7 @@ use kou_estimator::health::Stage;
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
-use super::dtc::{Code, Dtc, Lamp};
+use super::dtc::{Dtc, FaultCode, Lamp};
 
 /// Troubles that the memory holds.
 pub const CAPACITY: usize = 12;
@@ -21,7 +21,7 @@ const OCCURRENCES_MAX: u8 = 126;
 /// What was measured at one moment; kept in whole steps, so that a memory of twelve fits a flash page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Snapshot {
+pub struct FreezeFrame {
     /// Operating time of the controller, in seconds.
     pub operating_s: u32,
     pump_speed_rpm: Option<i16>,
@@ -39,7 +39,7 @@ fn steps(value: f32, per_step: f32) -> Option<i16> {
     (rounded > -32_768.0 && rounded < 32_767.0).then_some(rounded as i16)
 }
 
-impl Snapshot {
+impl FreezeFrame {
     /// The readings of a sample at this operating time.
     #[must_use]
     pub fn of(operating_s: u32, sample: &Sample) -> Self {
@@ -100,7 +100,7 @@ impl Snapshot {
 /// One trouble in the memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Entry {
+pub struct DtcEntry {
     /// Its trouble code.
     pub dtc: Dtc,
     /// Whether it is there now (DM1), or was (DM2).
@@ -108,14 +108,14 @@ pub struct Entry {
     /// How often it came, 1 to 126.
     pub occurrences: u8,
     /// What was measured when it first came.
-    pub first: Snapshot,
+    pub first: FreezeFrame,
     /// What was measured when it last came.
-    pub last: Snapshot,
+    pub last: FreezeFrame,
 }
 
 /// A trouble as it is told, without what was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Trouble {
+pub struct DtcReport {
     /// Its trouble code.
     pub dtc: Dtc,
     /// Whether it is there now (DM1), or was (DM2).
@@ -127,12 +127,12 @@ pub struct Trouble {
 /// All troubles as they are told: a small copy of the memory, because making lists of it takes longer than other tasks may be
 /// locked out.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Troubles(Vec<Trouble, CAPACITY>);
+pub struct DtcList(Vec<DtcReport, CAPACITY>);
 
-impl Troubles {
+impl DtcList {
     /// All of them, in the memory's order.
     #[must_use]
-    pub fn all(&self) -> &[Trouble] {
+    pub fn all(&self) -> &[DtcReport] {
         &self.0
     }
 
@@ -145,25 +145,25 @@ impl Troubles {
     /// The lamp that the active ones light.
     #[must_use]
     pub fn lamp(&self) -> Lamp {
-        let lit = |trouble: &Trouble| {
-            trouble.active && Code::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+        let lit = |trouble: &DtcReport| {
+            trouble.active && FaultCode::from_dtc(trouble.dtc).map(FaultCode::lamp) == Some(Lamp::Amber)
         };
         if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
     }
 }
 
-impl Entry {
+impl DtcEntry {
     /// What it is, where this version knows.
     #[must_use]
-    pub fn code(&self) -> Option<Code> {
-        Code::from_dtc(self.dtc)
+    pub fn code(&self) -> Option<FaultCode> {
+        FaultCode::from_dtc(self.dtc)
     }
 
     /// How much it is worth keeping: the larger, the more.
     fn rank(&self) -> (u8, u32) {
         let importance = match self.code() {
             _ if self.active => 2,
-            Some(Code::UpdateRefused(_)) => 0,
+            Some(FaultCode::UpdateRefused(_)) => 0,
             _ => 1,
         };
         (importance, self.last.operating_s)
@@ -173,7 +173,7 @@ impl Entry {
 /// The memory.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FaultMemory {
-    entries: Vec<Entry, CAPACITY>,
+    entries: Vec<DtcEntry, CAPACITY>,
     /// Troubles that found no place; stays at its maximum.
     lost: u16,
     #[serde(skip)]
@@ -189,23 +189,23 @@ impl FaultMemory {
 
     /// All troubles, in no particular order.
     #[must_use]
-    pub fn entries(&self) -> &[Entry] {
+    pub fn entries(&self) -> &[DtcEntry] {
         &self.entries
     }
 
     /// Troubles that are there now.
-    pub fn active(&self) -> impl Iterator<Item = &Entry> {
+    pub fn active(&self) -> impl Iterator<Item = &DtcEntry> {
         self.entries.iter().filter(|entry| entry.active)
     }
 
     /// Troubles that were.
-    pub fn previous(&self) -> impl Iterator<Item = &Entry> {
+    pub fn previous(&self) -> impl Iterator<Item = &DtcEntry> {
         self.entries.iter().filter(|entry| !entry.active)
     }
 
     /// The entry of a code.
     #[must_use]
-    pub fn get(&self, code: Code) -> Option<&Entry> {
+    pub fn get(&self, code: FaultCode) -> Option<&DtcEntry> {
         let dtc = code.dtc();
         self.entries.iter().find(|entry| entry.dtc == dtc)
     }
@@ -218,10 +218,13 @@ impl FaultMemory {
 
     /// All troubles as they are told.
     #[must_use]
-    pub fn troubles(&self) -> Troubles {
-        let short =
-            |entry: &Entry| Trouble { dtc: entry.dtc, active: entry.active, occurrences: entry.occurrences };
-        Troubles(self.entries.iter().map(short).collect())
+    pub fn troubles(&self) -> DtcList {
+        let short = |entry: &DtcEntry| DtcReport {
+            dtc: entry.dtc,
+            active: entry.active,
+            occurrences: entry.occurrences,
+        };
+        DtcList(self.entries.iter().map(short).collect())
     }
 
     /// Whether anything has changed since this was last asked; the storage task asks before it writes. Not more often
@@ -232,7 +235,7 @@ impl FaultMemory {
 
     /// A debounced trouble stands at this stage now. To be called whenever it may have changed; calls that change nothing
     /// change nothing here.
-    pub fn follows(&mut self, code: Code, stage: Stage, snapshot: Snapshot) {
+    pub fn follows(&mut self, code: FaultCode, stage: Stage, snapshot: FreezeFrame) {
         match stage {
             Stage::Confirmed => self.confirmed(code, snapshot),
             Stage::Healed | Stage::Absent => self.healed(code),
@@ -241,12 +244,12 @@ impl FaultMemory {
     }
 
     /// A trouble is there. Counted once until it has healed.
-    pub fn confirmed(&mut self, code: Code, snapshot: Snapshot) {
+    pub fn confirmed(&mut self, code: FaultCode, snapshot: FreezeFrame) {
         self.occurs(code, snapshot, true);
     }
 
     /// A trouble is no longer there.
-    pub fn healed(&mut self, code: Code) {
+    pub fn healed(&mut self, code: FaultCode) {
         let dtc = code.dtc();
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == dtc && entry.active) {
             entry.active = false;
@@ -255,7 +258,7 @@ impl FaultMemory {
     }
 
     /// Something happened that has no duration: a refused update, a restart.
-    pub fn happened(&mut self, code: Code, snapshot: Snapshot) {
+    pub fn happened(&mut self, code: FaultCode, snapshot: FreezeFrame) {
         self.occurs(code, snapshot, false);
     }
 
@@ -282,13 +285,13 @@ impl FaultMemory {
         self.lost = 0;
     }
 
-    fn occurs(&mut self, code: Code, snapshot: Snapshot, active: bool) {
+    fn occurs(&mut self, code: FaultCode, snapshot: FreezeFrame, active: bool) {
         let dtc = code.dtc();
-        self.takes(&Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
+        self.takes(&DtcEntry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
     }
 
     /// Adds occurrences of a trouble to those that are known, or finds a place for the first ones.
-    fn takes(&mut self, new: &Entry) {
+    fn takes(&mut self, new: &DtcEntry) {
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == new.dtc) {
             if entry.active && new.active {
                 return;
@@ -318,8 +321,8 @@ mod tests {
     use super::*;
     use crate::diagnostics::RejectReason;
 
-    fn sensor(fault: Fault) -> Code {
-        Code::Sensor(Channel::HighPressure, fault)
+    fn sensor(fault: Fault) -> FaultCode {
+        FaultCode::Sensor(Channel::HighPressure, fault)
     }
 
     #[test]
@@ -329,14 +332,14 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
         sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
-        memory.confirmed(code, Snapshot::of(100, &sample));
-        memory.confirmed(code, Snapshot::at(101));
+        memory.confirmed(code, FreezeFrame::of(100, &sample));
+        memory.confirmed(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, Stage::Pending, Snapshot::at(150));
+        memory.follows(code, Stage::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, Stage::Healed, Snapshot::at(200));
+        memory.follows(code, Stage::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
-        memory.confirmed(code, Snapshot::at(300));
+        memory.confirmed(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();
         assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
@@ -349,31 +352,31 @@ mod tests {
     #[test]
     fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
         let mut memory = FaultMemory::new();
-        memory.confirmed(sensor(Fault::Open), Snapshot::at(1));
-        memory.happened(Code::Watchdog, Snapshot::at(2));
+        memory.confirmed(sensor(Fault::Open), FreezeFrame::at(1));
+        memory.happened(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
             for refusal in RejectReason::ALL {
-                memory.happened(Code::UpdateRefused(refusal), Snapshot::at(10 + round));
+                memory.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
             }
         }
-        assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(Code::Watchdog).is_some());
+        assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
         assert_eq!(memory.entries().len(), CAPACITY);
         // And what happens to the machine finds a place in the full memory.
-        memory.confirmed(Code::Wear, Snapshot::at(50));
-        assert!(memory.get(Code::Wear).is_some());
+        memory.confirmed(FaultCode::Wear, FreezeFrame::at(50));
+        assert!(memory.get(FaultCode::Wear).is_some());
     }
 
     #[test]
     fn active_troubles_are_never_pushed_out_and_the_rest_is_counted() {
         let mut memory = FaultMemory::new();
-        let codes: std::vec::Vec<Code> = Code::all().take(CAPACITY + 3).collect();
+        let codes: std::vec::Vec<FaultCode> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
-            memory.confirmed(*code, Snapshot::at(i as u32));
+            memory.confirmed(*code, FreezeFrame::at(i as u32));
         }
         assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
         assert_eq!(memory.lost(), 3);
         memory.healed(codes[4]);
-        memory.confirmed(codes[CAPACITY], Snapshot::at(99));
+        memory.confirmed(codes[CAPACITY], FreezeFrame::at(99));
         assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
         memory.clear_previous();
         assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
@@ -383,8 +386,8 @@ mod tests {
     fn occurrences_stay_at_what_the_bus_can_tell() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
-            memory.happened(Code::Watchdog, Snapshot::at(i));
+            memory.happened(FaultCode::Watchdog, FreezeFrame::at(i));
         }
-        assert_eq!(memory.get(Code::Watchdog).unwrap().occurrences, 126);
+        assert_eq!(memory.get(FaultCode::Watchdog).unwrap().occurrences, 126);
     }
 }

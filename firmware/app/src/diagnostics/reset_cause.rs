@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::dtc::Code;
+use super::dtc::FaultCode;
 
 /// Why the controller (re)started, as its hardware tells; a [note](crate::diagnostics::crash_log) may know better. On flash by
 /// position: append only.
@@ -29,11 +29,11 @@ pub enum ResetCause {
 impl ResetCause {
     /// The trouble that a start from this cause is, if any.
     #[must_use]
-    pub const fn trouble(self) -> Option<Code> {
+    pub const fn trouble(self) -> Option<FaultCode> {
         match self {
-            Self::BrownOut => Some(Code::BrownOut),
-            Self::Watchdog => Some(Code::Watchdog),
-            Self::Panic => Some(Code::Panic),
+            Self::BrownOut => Some(FaultCode::BrownOut),
+            Self::Watchdog => Some(FaultCode::Watchdog),
+            Self::Panic => Some(FaultCode::Panic),
             Self::PowerOn | Self::Software | Self::Pin | Self::Unknown => None,
         }
     }

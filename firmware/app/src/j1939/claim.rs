@@ -31,7 +31,7 @@ const LAST_ARBITRARY: u8 = 247;
 const CANNOT_CLAIM_STEP_US: u64 = 600;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
+enum ClaimState {
     /// Nothing sent yet.
     New,
     /// Sent at this time, and nobody has objected so far.
@@ -42,34 +42,34 @@ enum Stage {
 
 /// The state machine. It sends what [`poll`](Self::poll) returns and knows what [`receive`](Self::receive) is told.
 #[derive(Debug, Clone)]
-pub struct Claim {
+pub struct AddressClaim {
     name: Name,
     preferred: u8,
     address: u8,
-    stage: Stage,
+    stage: ClaimState,
     /// When to say (again) what the address is.
     due: Option<Micros>,
     /// Addresses from [`FIRST_ARBITRARY`] on that others have claimed, one bit each.
     taken: u128,
 }
 
-impl Claim {
+impl AddressClaim {
     /// Will claim `preferred` (0 to 253) at the first [`poll`](Self::poll).
     #[must_use]
     pub const fn new(name: Name, preferred: u8) -> Self {
-        Self { name, preferred, address: preferred, stage: Stage::New, due: Some(Micros(0)), taken: 0 }
+        Self { name, preferred, address: preferred, stage: ClaimState::New, due: Some(Micros(0)), taken: 0 }
     }
 
     /// The address, once it is claimed. Without one, nothing but address claims may be sent.
     #[must_use]
     pub fn address(&self) -> Option<u8> {
-        (self.stage == Stage::Claimed).then_some(self.address)
+        (self.stage == ClaimState::Claimed).then_some(self.address)
     }
 
     /// Whether every address was lost: a trouble worth a report.
     #[must_use]
     pub fn is_silent(&self) -> bool {
-        self.stage == Stage::Silent
+        self.stage == ClaimState::Silent
     }
 
     /// Starts over with the preferred address, as after a bus-off.
@@ -80,7 +80,7 @@ impl Claim {
     /// Takes an address claim of somebody else.
     pub fn receive(&mut self, now: Micros, source: u8, name: Name) {
         self.note(source);
-        let holds = matches!(self.stage, Stage::Contending(_) | Stage::Claimed);
+        let holds = matches!(self.stage, ClaimState::Contending(_) | ClaimState::Claimed);
         // The same NAME is an echo of our own claim; two controllers with one NAME are a mistake of assembly that
         // shouting cannot solve.
         if !holds || source != self.address || name == self.name {
@@ -95,11 +95,11 @@ impl Claim {
         match self.next_free() {
             Some(address) if self.name.has_arbitrary_address() => {
                 self.address = address;
-                self.stage = Stage::New;
+                self.stage = ClaimState::New;
                 self.due = Some(now);
             }
             _ => {
-                self.stage = Stage::Silent;
+                self.stage = ClaimState::Silent;
                 self.due = Some(self.cannot_claim_at(now));
             }
         }
@@ -109,18 +109,18 @@ impl Claim {
     pub fn asked(&mut self, now: Micros) {
         self.due = match self.stage {
             // What has not been claimed yet will be said soon enough.
-            Stage::New => self.due,
-            Stage::Silent => self.due.or(Some(self.cannot_claim_at(now))),
-            Stage::Contending(_) | Stage::Claimed => Some(now),
+            ClaimState::New => self.due,
+            ClaimState::Silent => self.due.or(Some(self.cannot_claim_at(now))),
+            ClaimState::Contending(_) | ClaimState::Claimed => Some(now),
         };
     }
 
     /// What is to be sent now. To be called every 10 ms or so.
     pub fn poll(&mut self, now: Micros) -> Option<Frame> {
-        if let Stage::Contending(since) = self.stage
+        if let ClaimState::Contending(since) = self.stage
             && now.0.saturating_sub(since.0) >= CONTENTION_US
         {
-            self.stage = Stage::Claimed;
+            self.stage = ClaimState::Claimed;
             info!("address {=u8} claimed", self.address);
         }
         let due = self.due?;
@@ -128,10 +128,10 @@ impl Claim {
             return None;
         }
         self.due = None;
-        if self.stage == Stage::New {
-            self.stage = Stage::Contending(now);
+        if self.stage == ClaimState::New {
+            self.stage = ClaimState::Contending(now);
         }
-        let source = if self.stage == Stage::Silent { NULL_ADDRESS } else { self.address };
+        let source = if self.stage == ClaimState::Silent { NULL_ADDRESS } else { self.address };
         let id = Id::new(ADDRESS_CLAIMED.priority, ADDRESS_CLAIMED.pgn, GLOBAL, source);
         Some(Frame::new(id, self.name.to_bytes()))
     }
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn unopposed_claim_holds_after_250_ms_and_not_before() {
-        let mut claim = Claim::new(name(1, true), 0x27);
+        let mut claim = AddressClaim::new(name(1, true), 0x27);
         let frame = claim.poll(ms(0)).unwrap();
         assert_eq!(frame.id().raw(), 0x18EE_FF27);
         assert_eq!(claim.address(), None);
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn weaker_name_is_told_off_and_stronger_one_takes_the_address() {
-        let mut claim = Claim::new(name(5, true), 0x27);
+        let mut claim = AddressClaim::new(name(5, true), 0x27);
         let _ = claim.poll(ms(0));
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(6, true));
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn without_an_address_left_it_says_so_once_and_is_silent() {
         for arbitrary in [false, true] {
-            let mut claim = Claim::new(name(7, arbitrary), 0x27);
+            let mut claim = AddressClaim::new(name(7, arbitrary), 0x27);
             let _ = claim.poll(ms(0));
             for address in 128..=247 {
                 claim.receive(ms(1), address, name(1, true));
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_request_is_answered_and_an_echo_is_not() {
-        let mut claim = Claim::new(name(7, true), 0x27);
+        let mut claim = AddressClaim::new(name(7, true), 0x27);
         let _ = claim.poll(ms(0));
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(7, true));

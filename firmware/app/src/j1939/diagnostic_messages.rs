@@ -5,11 +5,11 @@ use heapless::Vec;
 use super::catalogue::{AMBER_LAMP, DTC_COUNT, DTC_FMI, DTC_METHOD, DTC_SPN_HIGH, DTC_SPN_LOW};
 use super::catalogue::{MALFUNCTION_LAMP, PROTECT_LAMP, RED_LAMP};
 use super::transport::MAX_LEN;
-use crate::diagnostics::{Lamp, Trouble, Troubles};
+use crate::diagnostics::{DtcList, DtcReport, Lamp};
 
 /// Which list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum List {
+pub enum DtcListKind {
     /// Troubles that are there: DM1.
     Active,
     /// Troubles that were: DM2.
@@ -20,7 +20,7 @@ pub enum List {
 const FILLING: usize = 2;
 
 /// One trouble in the bytes 2 to 5 of a frame, the other bytes as they are without one.
-fn with_trouble(mut data: [u8; 8], trouble: Option<&Trouble>) -> [u8; 8] {
+fn with_trouble(mut data: [u8; 8], trouble: Option<&DtcReport>) -> [u8; 8] {
     let (spn, fmi, count) =
         trouble.map_or((0, 0, 0), |trouble| (trouble.dtc.spn, trouble.dtc.fmi, trouble.occurrences));
     DTC_SPN_LOW.put_bits(&mut data, spn);
@@ -33,13 +33,13 @@ fn with_trouble(mut data: [u8; 8], trouble: Option<&Trouble>) -> [u8; 8] {
 
 /// The bytes of the list: eight when it holds at most one trouble, then it goes in one frame; more when not.
 #[must_use]
-pub fn list(troubles: &Troubles, which: List) -> Vec<u8, MAX_LEN> {
+pub fn list(troubles: &DtcList, which: DtcListKind) -> Vec<u8, MAX_LEN> {
     let mut head = [0xFF; 8];
     for lamp in [&PROTECT_LAMP, &RED_LAMP, &MALFUNCTION_LAMP] {
         lamp.put_raw(&mut head, 0);
     }
     AMBER_LAMP.put_raw(&mut head, u32::from(troubles.lamp() == Lamp::Amber));
-    let is_active = which == List::Active;
+    let is_active = which == DtcListKind::Active;
     let mut entries = troubles.all().iter().filter(|trouble| trouble.active == is_active);
     let first = with_trouble(head, entries.next());
     let mut rest = entries.peekable();
@@ -60,27 +60,33 @@ mod tests {
     use kou_estimator::{Channel, Fault};
 
     use super::*;
-    use crate::diagnostics::{Code, FaultMemory, Snapshot};
+    use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 
     #[test]
     fn lists_agree_with_the_standard_layout() {
         let mut memory = FaultMemory::new();
         // No trouble: zeros in the place of one.
-        assert_eq!(list(&memory.troubles(), List::Active)[..], [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF]);
-        memory.confirmed(Code::Sensor(Channel::HighPressure, Fault::Open), Snapshot::at(1));
+        assert_eq!(list(&memory.troubles(), DtcListKind::Active)[..], [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF]);
+        memory.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(1));
         // SPN 1762 = 0x006E2, FMI 5, once.
-        assert_eq!(list(&memory.troubles(), List::Active)[..], [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0xFF, 0xFF]);
-        memory.confirmed(Code::Wear, Snapshot::at(1));
+        assert_eq!(
+            list(&memory.troubles(), DtcListKind::Active)[..],
+            [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0xFF, 0xFF]
+        );
+        memory.confirmed(FaultCode::Wear, FreezeFrame::at(1));
         // SPN 520192 = 0x7F000: 7 in the three high bits of the FMI's byte.
         assert_eq!(
-            list(&memory.troubles(), List::Active)[..],
+            list(&memory.troubles(), DtcListKind::Active)[..],
             [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0x00, 0xF0, 0xF0, 1]
         );
-        memory.healed(Code::Wear);
-        assert_eq!(list(&memory.troubles(), List::Previous)[..], [4, 0xFF, 0x00, 0xF0, 0xF0, 1, 0xFF, 0xFF]);
-        for code in Code::all() {
-            memory.confirmed(code, Snapshot::at(2));
+        memory.healed(FaultCode::Wear);
+        assert_eq!(
+            list(&memory.troubles(), DtcListKind::Previous)[..],
+            [4, 0xFF, 0x00, 0xF0, 0xF0, 1, 0xFF, 0xFF]
+        );
+        for code in FaultCode::all() {
+            memory.confirmed(code, FreezeFrame::at(2));
         }
-        assert_eq!(list(&memory.troubles(), List::Active).len(), MAX_LEN);
+        assert_eq!(list(&memory.troubles(), DtcListKind::Active).len(), MAX_LEN);
     }
 }

@@ -31,7 +31,7 @@ pub mod signal;
 mod tests;
 pub mod transport;
 
-pub use claim::Claim;
+pub use claim::AddressClaim;
 pub use id::{Frame, GLOBAL, Id, NULL_ADDRESS, Pgn};
 pub use name::{Name, NameConfig, NameError};
 pub use node::{Node, Outputs, Received};

@@ -11,15 +11,15 @@ use super::catalogue::{
     ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
     LEAKAGE, LEAKAGE_SE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
 };
-use super::claim::Claim;
-use super::diagnostic_messages::{self, List};
+use super::claim::AddressClaim;
+use super::diagnostic_messages::{self, DtcListKind};
 use super::id::{Frame, GLOBAL, Id, Pgn};
 use super::name::Name;
 use super::publish;
 use super::signal::Message;
 use super::transport::Broadcast;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::Troubles;
+use crate::diagnostics::DtcList;
 
 /// Proprietary A: the calibration update's group, see `crate::update`.
 pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
@@ -36,7 +36,7 @@ pub struct Outputs<'a> {
     /// The calibration in use.
     pub calibration: CalibrationState,
     /// Troubles.
-    pub troubles: Troubles,
+    pub troubles: DtcList,
 }
 
 /// What a frame was.
@@ -61,7 +61,7 @@ const PERIODIC: [&Message; 6] = [&LEAKAGE, &LEAKAGE_SE, &EFFICIENCY, &VALIDITY, 
 /// The controller on the bus.
 #[derive(Debug, Clone)]
 pub struct Node {
-    claim: Claim,
+    claim: AddressClaim,
     broadcast: Broadcast,
     due: [Micros; PERIODIC.len()],
     dm1_due: Micros,
@@ -79,7 +79,7 @@ impl Node {
     #[must_use]
     pub const fn new(name: Name, preferred: u8) -> Self {
         Self {
-            claim: Claim::new(name, preferred),
+            claim: AddressClaim::new(name, preferred),
             broadcast: Broadcast::new(),
             due: [Micros(0); PERIODIC.len()],
             dm1_due: Micros(0),
@@ -98,13 +98,13 @@ impl Node {
         self.claim.address()
     }
 
-    /// Whether every address was lost, which is [`crate::diagnostics::Code::AddressLost`].
+    /// Whether every address was lost, which is [`crate::diagnostics::FaultCode::AddressLost`].
     #[must_use]
     pub fn is_silenced(&self) -> bool {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::diagnostics::Code::BusSilent`].
+    /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
     pub fn heard(&self) -> Option<Micros> {
         self.heard
@@ -186,7 +186,7 @@ impl Node {
             .or_else(|| self.periodic(now, source, outputs))
     }
 
-    fn diagnostics(&mut self, now: Micros, source: u8, troubles: &Troubles) -> Option<Frame> {
+    fn diagnostics(&mut self, now: Micros, source: u8, troubles: &DtcList) -> Option<Frame> {
         // Both lists share the one transport: while it is busy, they wait.
         if self.broadcast.is_busy() {
             return None;
@@ -199,10 +199,10 @@ impl Node {
         if self.dm1_asked || is_due && (has_active || self.dm1_held) {
             self.dm1_asked = false;
             self.dm1_held = has_active;
-            return self.tell(now, source, &DM1, &diagnostic_messages::list(troubles, List::Active));
+            return self.tell(now, source, &DM1, &diagnostic_messages::list(troubles, DtcListKind::Active));
         }
         if core::mem::take(&mut self.dm2_asked) {
-            return self.tell(now, source, &DM2, &diagnostic_messages::list(troubles, List::Previous));
+            return self.tell(now, source, &DM2, &diagnostic_messages::list(troubles, DtcListKind::Previous));
         }
         None
     }

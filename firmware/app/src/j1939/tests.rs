@@ -9,7 +9,7 @@ use super::example::example_estimate as estimate;
 use super::signal::Absent;
 use super::*;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::{Code, FaultMemory, Snapshot};
+use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 
 const ADDRESS: u8 = 0x27;
 
@@ -101,12 +101,12 @@ fn active_troubles_are_told_every_second_and_once_after_they_have_gone() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     let mut node = claimed(&outputs(&estimate, &faults));
-    faults.confirmed(Code::Sensor(Channel::MotorSpeed, Fault::Stuck), Snapshot::at(1));
+    faults.confirmed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck), FreezeFrame::at(1));
     let frames = sent(&mut node, 1000, 5000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 4);
     assert_eq!(dm1[0].data(), [4, 0xFF, 191, 0, 7, 1, 0xFF, 0xFF]);
-    faults.healed(Code::Sensor(Channel::MotorSpeed, Fault::Stuck));
+    faults.healed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck));
     let frames = sent(&mut node, 5000, 9000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 1);
@@ -117,8 +117,8 @@ fn active_troubles_are_told_every_second_and_once_after_they_have_gone() {
 fn requests_are_answered_or_refused() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
-    for code in Code::all().take(5) {
-        faults.happened(code, Snapshot::at(1));
+    for code in FaultCode::all().take(5) {
+        faults.happened(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);
@@ -147,8 +147,8 @@ fn requests_are_answered_or_refused() {
 fn who_loses_the_address_falls_silent_under_it_at_once() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
-    for code in Code::all().take(5) {
-        faults.confirmed(code, Snapshot::at(1));
+    for code in FaultCode::all().take(5) {
+        faults.confirmed(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);

@@ -13,9 +13,9 @@ pub const FULL_SCALE: u16 = 4096;
 /// One conversion, in 1/4096 of the reference voltage: 0 to 4095.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Counts(u16);
+pub struct AdcCounts(u16);
 
-impl Counts {
+impl AdcCounts {
     /// Counts as a converter gives them; above 4095 is none.
     #[must_use]
     pub const fn new(counts: u16) -> Option<Self> {
@@ -38,7 +38,7 @@ impl Counts {
 /// Why there is no conversion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum NoCounts {
+pub enum ConversionError {
     /// The bus failed.
     Bus,
     /// Nobody drives the data line: the chip is absent, without supply, or not selected.
@@ -74,7 +74,7 @@ pub trait Adc {
     ///
     /// # Errors
     /// When there is no conversion.
-    async fn convert(&mut self, input: Input) -> Result<Counts, NoCounts>;
+    async fn convert(&mut self, input: Input) -> Result<AdcCounts, ConversionError>;
 }
 
 /// An MCP3208 on its own chip select.
@@ -96,10 +96,10 @@ impl<S: SpiDevice> Mcp3208<S> {
 }
 
 impl<S: SpiDevice> Adc for Mcp3208<S> {
-    async fn convert(&mut self, input: Input) -> Result<Counts, NoCounts> {
+    async fn convert(&mut self, input: Input) -> Result<AdcCounts, ConversionError> {
         let mut bytes = request(input);
         if self.spi.transfer_in_place(&mut bytes).await.is_err() {
-            return Err(NoCounts::Bus);
+            return Err(ConversionError::Bus);
         }
         counts_of(bytes)
     }
@@ -113,10 +113,10 @@ pub const fn request(input: Input) -> [u8; 3] {
 }
 
 /// Conversion in the bytes received at the same time: a null bit, then twelve bits.
-const fn counts_of([_, high, low]: [u8; 3]) -> Result<Counts, NoCounts> {
+const fn counts_of([_, high, low]: [u8; 3]) -> Result<AdcCounts, ConversionError> {
     const NULL_BIT: u8 = 1 << 4;
     if high & NULL_BIT != 0 {
-        return Err(NoCounts::NoAnswer);
+        return Err(ConversionError::NoAnswer);
     }
-    Ok(Counts(u16::from_be_bytes([high & 0x0F, low])))
+    Ok(AdcCounts(u16::from_be_bytes([high & 0x0F, low])))
 }

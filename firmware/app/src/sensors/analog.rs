@@ -15,11 +15,11 @@
 use kou_estimator::units::Micros;
 use kou_estimator::{Fault, Reading};
 
-use super::adc::{Counts, NoCounts};
+use super::adc::{AdcCounts, ConversionError};
 use super::config::{ConfigError, consistent, number, whole};
 use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
-use super::quantity::Quantity;
 use super::scale::Scale;
+use super::unit::SensorUnit;
 
 /// How a channel is filtered and judged. Rates and bands are in the channel's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,7 +58,7 @@ pub struct AnalogParams<U> {
     stuck_after: u32,
 }
 
-impl<U: Quantity> AnalogParams<U> {
+impl<U: SensorUnit> AnalogParams<U> {
     /// Checks a channel's configuration.
     ///
     /// # Errors
@@ -95,7 +95,7 @@ pub struct AnalogState {
     /// Last reading before a fault was confirmed, and when.
     trusted: Option<(Micros, f32)>,
     filtered: f32,
-    last: Option<Counts>,
+    last: Option<AdcCounts>,
     same: u32,
     now: Micros,
 }
@@ -116,11 +116,11 @@ impl AnalogState {
     }
 
     /// Takes one conversion in. `live` says that the machine works, so that its signals must move.
-    pub fn observe<U: Quantity>(
+    pub fn observe<U: SensorUnit>(
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, NoCounts>,
+        conversion: Result<AdcCounts, ConversionError>,
         live: bool,
     ) {
         self.now = now;
@@ -146,7 +146,7 @@ impl AnalogState {
 
     /// The reading as it stands: the filtered value, or the confirmed fault.
     #[must_use]
-    pub fn reading<U: Quantity>(&self) -> Reading<U> {
+    pub fn reading<U: SensorUnit>(&self) -> Reading<U> {
         match (self.debounce.fault(), self.accepted) {
             (Some(fault), _) => Reading::failed(self.now, fault),
             (None, Some((time, _))) => Reading::new(time, U::from_bare(self.filtered)),
@@ -154,11 +154,11 @@ impl AnalogState {
         }
     }
 
-    fn judge<U: Quantity>(
+    fn judge<U: SensorUnit>(
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, NoCounts>,
+        conversion: Result<AdcCounts, ConversionError>,
         live: bool,
     ) -> Result<f32, Fault> {
         let config = &params.config;

@@ -26,13 +26,13 @@ mod config;
 pub mod debounce;
 pub mod pickup;
 pub mod plausibility;
-mod quantity;
 pub mod scale;
 pub mod set;
 #[cfg(test)]
 mod tests;
+mod unit;
 pub mod wiring;
 
 pub use config::ConfigError;
-pub use quantity::Quantity;
-pub use set::{Inputs, SensorsConfig, SensorsParams, SensorsState};
+pub use set::{SensorInputs, SensorsConfig, SensorsParams, SensorsState};
+pub use unit::SensorUnit;

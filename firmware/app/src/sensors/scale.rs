@@ -19,9 +19,9 @@ use core::marker::PhantomData;
 use kou_estimator::Fault;
 use kou_estimator::units::{Celsius, Megapascal, Ratio};
 
-use super::adc::Counts;
+use super::adc::AdcCounts;
 use super::config::{ConfigError, consistent, number};
-use super::quantity::Quantity;
+use super::unit::SensorUnit;
 
 /// Coefficients of IEC 60751.
 const PT_A: f32 = 3.9083e-3;
@@ -106,12 +106,12 @@ pub struct Scale<U> {
     unit: PhantomData<U>,
 }
 
-impl<U: Quantity> Scale<U> {
+impl<U: SensorUnit> Scale<U> {
     /// Value of a conversion.
     ///
     /// # Errors
     /// [`Fault::Open`] or [`Fault::Short`] outside the electrical window.
-    pub fn value(&self, counts: Counts) -> Result<U, Fault> {
+    pub fn value(&self, counts: AdcCounts) -> Result<U, Fault> {
         let share = counts.share();
         if share < self.low {
             return Err(self.below);

@@ -3,7 +3,7 @@
 use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Reading, Sample};
 
-use super::adc::{Counts, Input, NoCounts};
+use super::adc::{AdcCounts, ConversionError, Input};
 use super::analog::{AnalogConfig, AnalogParams, AnalogState};
 use super::config::ConfigError;
 use super::pickup::{Edges, PickupConfig, PickupCounts, PickupParams, PickupState};
@@ -76,7 +76,7 @@ impl SensorsParams {
         })
     }
 
-    /// Inputs to convert each millisecond, in the order in which [`Inputs::analog`] holds the conversions.
+    /// Inputs to convert each millisecond, in the order in which [`SensorInputs::analog`] holds the conversions.
     #[must_use]
     pub const fn inputs(&self) -> &[Option<Input>; CHANNELS] {
         &self.inputs
@@ -85,9 +85,9 @@ impl SensorsParams {
 
 /// What was read in one millisecond.
 #[derive(Debug, Clone)]
-pub struct Inputs {
+pub struct SensorInputs {
     /// Conversions of [`SensorsParams::inputs`]; those of channels that are not fitted are not looked at.
-    pub analog: [Result<Counts, NoCounts>; CHANNELS],
+    pub analog: [Result<AdcCounts, ConversionError>; CHANNELS],
     /// The timer's count when the edges were taken.
     pub count: u32,
     /// Edges of the pump's pickup.
@@ -96,12 +96,12 @@ pub struct Inputs {
     pub motor: Edges,
 }
 
-impl Inputs {
+impl SensorInputs {
     /// Nothing read.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            analog: [Err(NoCounts::NoAnswer); CHANNELS],
+            analog: [Err(ConversionError::NoAnswer); CHANNELS],
             count: 0,
             pump: Edges::new(),
             motor: Edges::new(),
@@ -109,7 +109,7 @@ impl Inputs {
     }
 }
 
-impl Default for Inputs {
+impl Default for SensorInputs {
     fn default() -> Self {
         Self::new()
     }
@@ -145,7 +145,7 @@ impl SensorsState {
     }
 
     /// Takes in what was read at `now`.
-    pub fn observe(&mut self, params: &SensorsParams, now: Micros, inputs: &Inputs) {
+    pub fn observe(&mut self, params: &SensorsParams, now: Micros, inputs: &SensorInputs) {
         self.now = now;
         self.pump.poll(&params.pump, now, inputs.count, &inputs.pump);
         self.motor.poll(&params.motor, now, inputs.count, &inputs.motor);

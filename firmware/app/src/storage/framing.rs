@@ -24,7 +24,7 @@ pub(super) const TAIL: usize = 4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
-pub enum Kind {
+pub enum RecordKind {
     /// Calibration and the counter of its update.
     Calibration = 0,
     /// Learned health.
@@ -32,17 +32,23 @@ pub enum Kind {
     /// Fault memory.
     Faults = 2,
     /// Hours, restarts and their causes.
-    Life = 3,
+    OperatingCounters = 3,
     /// Counter of the last accepted update, by itself.
     UpdateCounter = 4,
     /// The last note that outlived a reset.
     Stop = 5,
 }
 
-impl Kind {
+impl RecordKind {
     /// Every kind.
-    pub const ALL: [Self; 6] =
-        [Self::Calibration, Self::Health, Self::Faults, Self::Life, Self::UpdateCounter, Self::Stop];
+    pub const ALL: [Self; 6] = [
+        Self::Calibration,
+        Self::Health,
+        Self::Faults,
+        Self::OperatingCounters,
+        Self::UpdateCounter,
+        Self::Stop,
+    ];
 
     /// Name as reports print it.
     #[must_use]
@@ -51,7 +57,7 @@ impl Kind {
             Self::Calibration => "calibration",
             Self::Health => "health",
             Self::Faults => "faults",
-            Self::Life => "life",
+            Self::OperatingCounters => "life",
             Self::UpdateCounter => "update_counter",
             Self::Stop => "stop",
         }
@@ -64,14 +70,14 @@ impl Kind {
     }
 
     /// Key of one of the two copies.
-    pub(super) const fn key(self, copy: Copy) -> u8 {
+    pub(super) const fn key(self, copy: RecordCopy) -> u8 {
         ((self as u8) << 1) | copy as u8
     }
 }
 
 /// One of the two copies of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Copy {
+pub(super) enum RecordCopy {
     A = 0,
     B = 1,
 }
@@ -79,7 +85,7 @@ pub(super) enum Copy {
 /// Something that is kept in flash.
 pub trait Record<'a>: Serialize + Deserialize<'a> {
     /// Its kind.
-    const KIND: Kind;
+    const KIND: RecordKind;
     /// Number of its layout: raised with every change of a field, its order, its unit or its meaning.
     const SCHEMA: u16;
 
@@ -91,39 +97,39 @@ pub trait Record<'a>: Serialize + Deserialize<'a> {
 }
 
 /// Something that writes the body of a record; an object, so that the code that writes is there once for all kinds.
-pub(super) trait Fill {
+pub(super) trait WriteBody {
     /// Writes the body and says how long it is; nothing when it does not fit.
-    fn fill(&self, body: &mut [u8]) -> Option<usize>;
+    fn write_body(&self, body: &mut [u8]) -> Option<usize>;
 }
 
 /// Fields, to be written in postcard's wire format.
 pub(super) struct Fields<'r, R>(pub &'r R);
 
-impl<R: Serialize> Fill for Fields<'_, R> {
-    fn fill(&self, body: &mut [u8]) -> Option<usize> {
+impl<R: Serialize> WriteBody for Fields<'_, R> {
+    fn write_body(&self, body: &mut [u8]) -> Option<usize> {
         postcard::to_slice(self.0, body).ok().map(|written| written.len())
     }
 }
 
-impl Fill for &[u8] {
-    fn fill(&self, body: &mut [u8]) -> Option<usize> {
+impl WriteBody for &[u8] {
+    fn write_body(&self, body: &mut [u8]) -> Option<usize> {
         body.get_mut(..self.len())?.copy_from_slice(self);
         Some(self.len())
     }
 }
 
 /// A record on its way into flash.
-#[derive(Clone, core::marker::Copy)]
-pub(super) struct Outgoing<'r> {
+#[derive(Clone, Copy)]
+pub(super) struct OutgoingFrame<'r> {
     pub key: u8,
     pub schema: u16,
     pub sequence: u32,
-    pub body: &'r dyn Fill,
+    pub body: &'r dyn WriteBody,
 }
 
 /// A record as it came out of flash: frame checked, body not yet understood.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Raw<'a> {
+pub(super) struct StoredFrame<'a> {
     /// Key under which it was written.
     pub key: u8,
     pub schema: u16,
@@ -131,7 +137,7 @@ pub(super) struct Raw<'a> {
     pub body: &'a [u8],
 }
 
-impl<'a> Value<'a> for Outgoing<'_> {
+impl<'a> Value<'a> for OutgoingFrame<'_> {
     fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
         let mut write = || {
             let (head, rest) = buffer.split_first_chunk_mut::<HEAD>()?;
@@ -139,7 +145,7 @@ impl<'a> Value<'a> for Outgoing<'_> {
             let [q0, q1, q2, q3] = self.sequence.to_le_bytes();
             *head = [self.key, s0, s1, q0, q1, q2, q3];
             let room = rest.len().checked_sub(TAIL)?;
-            let covered = HEAD.saturating_add(self.body.fill(rest.get_mut(..room)?)?);
+            let covered = HEAD.saturating_add(self.body.write_body(rest.get_mut(..room)?)?);
             let crc = crc32(buffer.get(..covered)?).to_le_bytes();
             *buffer.get_mut(covered..)?.first_chunk_mut::<TAIL>()? = crc;
             Some(covered.saturating_add(TAIL))
@@ -152,9 +158,9 @@ impl<'a> Value<'a> for Outgoing<'_> {
     }
 }
 
-impl<'a> Value<'a> for Raw<'a> {
+impl<'a> Value<'a> for StoredFrame<'a> {
     fn serialize_into(&self, _: &mut [u8]) -> Result<usize, SerializationError> {
-        // What is written is an `Outgoing`.
+        // What is written is an `OutgoingFrame`.
         Err(SerializationError::InvalidData)
     }
 
@@ -163,7 +169,7 @@ impl<'a> Value<'a> for Raw<'a> {
     }
 }
 
-impl<'a> Raw<'a> {
+impl<'a> StoredFrame<'a> {
     /// The frame in these bytes; nothing when it is too short or its CRC does not match.
     fn parse(bytes: &'a [u8]) -> Option<Self> {
         let (covered, crc) = bytes.split_last_chunk::<TAIL>()?;

@@ -3,8 +3,8 @@
 use kou_estimator::health::HealthState;
 use serde::{Deserialize, Serialize};
 
-use super::framing::{Kind, Record};
-use crate::diagnostics::{FaultMemory, Note, ResetCause};
+use super::framing::{Record, RecordKind};
+use crate::diagnostics::{CrashRecord, FaultMemory, ResetCause};
 
 /// A calibration with the counter of the update that brought it: they are one record, so they cannot part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,7 +18,7 @@ pub struct StoredCalibration<'a> {
 }
 
 impl<'a> Record<'a> for StoredCalibration<'a> {
-    const KIND: Kind = Kind::Calibration;
+    const KIND: RecordKind = RecordKind::Calibration;
     const SCHEMA: u16 = 1;
 }
 
@@ -31,21 +31,21 @@ pub struct UpdateCounter {
 }
 
 impl Record<'_> for UpdateCounter {
-    const KIND: Kind = Kind::UpdateCounter;
+    const KIND: RecordKind = RecordKind::UpdateCounter;
     const SCHEMA: u16 = 1;
 }
 
 /// Why the firmware stopped itself the last time that it did: the note that outlived the reset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StopNote {
+pub struct CrashReport {
     /// Operating time before the stop, in seconds, as far as it had been written.
     pub operating_s: u32,
     /// What it was.
-    pub note: Note,
+    pub note: CrashRecord,
 }
 
-impl Record<'_> for StopNote {
-    const KIND: Kind = Kind::Stop;
+impl Record<'_> for CrashReport {
+    const KIND: RecordKind = RecordKind::Stop;
     const SCHEMA: u16 = 1;
 }
 
@@ -59,7 +59,7 @@ pub struct HealthRecord {
 }
 
 impl Record<'_> for HealthRecord {
-    const KIND: Kind = Kind::Health;
+    const KIND: RecordKind = RecordKind::Health;
     const SCHEMA: u16 = 2;
 }
 
@@ -72,14 +72,14 @@ impl HealthRecord {
 }
 
 impl Record<'_> for FaultMemory {
-    const KIND: Kind = Kind::Faults;
+    const KIND: RecordKind = RecordKind::Faults;
     const SCHEMA: u16 = 1;
 }
 
 /// Hours and restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Life {
+pub struct OperatingCounters {
     /// Time for which the controller has been running, in seconds; up to the last write before a power cut.
     pub operating_s: u32,
     /// Starts.
@@ -87,14 +87,14 @@ pub struct Life {
     /// Why it started last.
     pub last_reset: ResetCause,
     /// Restarts that nobody asked for: brown-out, watchdog, panic.
-    pub unasked: u32,
+    pub unplanned_resets: u32,
 }
 
-impl Life {
+impl OperatingCounters {
     /// Nothing has happened yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { operating_s: 0, starts: 0, last_reset: ResetCause::PowerOn, unasked: 0 }
+        Self { operating_s: 0, starts: 0, last_reset: ResetCause::PowerOn, unplanned_resets: 0 }
     }
 
     /// Counts a start.
@@ -102,7 +102,7 @@ impl Life {
         self.starts = self.starts.saturating_add(1);
         self.last_reset = cause;
         if cause.trouble().is_some() {
-            self.unasked = self.unasked.saturating_add(1);
+            self.unplanned_resets = self.unplanned_resets.saturating_add(1);
         }
     }
 
@@ -112,7 +112,7 @@ impl Life {
     }
 }
 
-impl Record<'_> for Life {
-    const KIND: Kind = Kind::Life;
+impl Record<'_> for OperatingCounters {
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 1;
 }

@@ -2,7 +2,7 @@
 //!
 //! sequential-storage appends items and moves the live ones on before it erases a page. It finds a damaged item by its
 //! CRC, and then would give the item before it: an older record, with no word. So every record is written twice, with a
-//! sequence number: the newer copy is the record, and [`Store::heal`] writes a copy that is damaged, missing or older
+//! sequence number: the newer copy is the record, and [`Store::repair`] writes a copy that is damaged, missing or older
 //! anew from the other one.
 //!
 //! No cache is kept: what is in RAM cannot disagree with the flash, and dropping the store costs nothing.
@@ -18,7 +18,9 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::log::warning;
 use crate::outlined_await::await_outlined;
 
-use super::framing::{Copy, DecodeError, Fields, Fill, HEAD, Kind, Outgoing, Raw, Record, TAIL};
+use super::framing::{
+    DecodeError, Fields, HEAD, OutgoingFrame, Record, RecordCopy, RecordKind, StoredFrame, TAIL, WriteBody,
+};
 
 /// Bytes that hold any record with its frame and key: the calibration's, with counter (5) and length (3), is the longest.
 pub const BUFFER_LEN: usize = (1 + HEAD + 8 + MAX_LEN + TAIL).next_multiple_of(32);
@@ -32,7 +34,7 @@ const ATTEMPTS: u8 = 3;
 /// Why a region of flash cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum SetUpError {
+pub enum RegionError {
     /// Begin or end of the region is not that of a page, or a page or a word has a size that cannot be used.
     Pages,
     /// The region is smaller than [`MIN_BYTES`].
@@ -56,12 +58,12 @@ pub enum StoreError {
     /// The record was written by a version whose schema this one does not read.
     Schema {
         /// Which record.
-        kind: Kind,
+        kind: RecordKind,
         /// Its schema.
         found: u16,
     },
     /// The record is whole, but not what its kind and schema say.
-    Body(Kind),
+    Body(RecordKind),
 }
 
 impl<E> From<FlashError<E>> for StoreError {
@@ -79,10 +81,10 @@ impl<E> From<FlashError<E>> for StoreError {
     }
 }
 
-/// What [`Store::heal`] did.
+/// What [`Store::repair`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Healed {
+pub struct RepairReport {
     /// Copies that were written anew.
     pub copies: u8,
 }
@@ -98,7 +100,7 @@ pub struct Store<F: NorFlash> {
 }
 
 /// The record, or why it is none.
-fn decoded<'a, R: Record<'a>>(raw: Raw<'a>) -> Result<R, StoreError> {
+fn decoded<'a, R: Record<'a>>(raw: StoredFrame<'a>) -> Result<R, StoreError> {
     raw.decode().map_err(|error| match error {
         DecodeError::Schema(found) => StoreError::Schema { kind: R::KIND, found },
         DecodeError::Body => StoreError::Body(R::KIND),
@@ -107,7 +109,10 @@ fn decoded<'a, R: Record<'a>>(raw: Raw<'a>) -> Result<R, StoreError> {
 
 /// What becomes of a record when it is shown. Not inlined, or the record would lie in a task's memory for good.
 #[inline(never)]
-fn shown<'a, R: Record<'a>, T>(raw: Raw<'a>, take: impl FnOnce(&mut R) -> T) -> Result<T, StoreError> {
+fn shown<'a, R: Record<'a>, T>(
+    raw: StoredFrame<'a>,
+    take: impl FnOnce(&mut R) -> T,
+) -> Result<T, StoreError> {
     // By reference, since every copy of it is most of a kilobyte.
     let mut decoded = decoded(raw);
     match &mut decoded {
@@ -121,15 +126,15 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// When the region cannot be used.
-    pub fn new(flash: F, region: Range<u32>) -> Result<Self, SetUpError> {
+    pub fn new(flash: F, region: Range<u32>) -> Result<Self, RegionError> {
         if region.end.saturating_sub(region.start) < MIN_BYTES {
-            return Err(SetUpError::TooSmall);
+            return Err(RegionError::TooSmall);
         }
         // Two page marks and the item's head, each a word of at most 32 bytes.
         if F::ERASE_SIZE < BUFFER_LEN.saturating_add(96) {
-            return Err(SetUpError::PageTooSmall);
+            return Err(RegionError::PageTooSmall);
         }
-        let config = MapConfig::try_new(region).map_err(|_| SetUpError::Pages)?;
+        let config = MapConfig::try_new(region).map_err(|_| RegionError::Pages)?;
         Ok(Self {
             map: MapStorage::new(flash, config, Cache::new_uncached()),
             buffer: Buffer([0; BUFFER_LEN]),
@@ -171,7 +176,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// When the flash cannot be read.
-    pub async fn read_body(&mut self, kind: Kind) -> Result<Option<&[u8]>, StoreError> {
+    pub async fn read_body(&mut self, kind: RecordKind) -> Result<Option<&[u8]>, StoreError> {
         Ok(await_outlined!(self.newest_whole(kind))?.map(|raw| raw.body))
     }
 
@@ -188,22 +193,22 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// As [`write`](Self::write).
-    pub async fn heal(&mut self, scratch: &mut [u8]) -> Result<Healed, StoreError> {
-        let mut healed = Healed::default();
-        for kind in Kind::ALL {
+    pub async fn repair(&mut self, scratch: &mut [u8]) -> Result<RepairReport, StoreError> {
+        let mut healed = RepairReport::default();
+        for kind in RecordKind::ALL {
             let [a, b] = await_outlined!(self.sequences(kind))?;
             let (from, to) = match (a, b) {
-                (None, Some(_)) => (Copy::B, Copy::A),
-                (Some(_), None) => (Copy::A, Copy::B),
-                (Some(a), Some(b)) if a < b => (Copy::B, Copy::A),
-                (Some(a), Some(b)) if a > b => (Copy::A, Copy::B),
+                (None, Some(_)) => (RecordCopy::B, RecordCopy::A),
+                (Some(_), None) => (RecordCopy::A, RecordCopy::B),
+                (Some(a), Some(b)) if a < b => (RecordCopy::B, RecordCopy::A),
+                (Some(a), Some(b)) if a > b => (RecordCopy::A, RecordCopy::B),
                 _ => continue,
             };
             let key = kind.key(from);
-            let raw = self.map.fetch_item::<Raw<'_>>(scratch, &key).await?;
+            let raw = self.map.fetch_item::<StoredFrame<'_>>(scratch, &key).await?;
             let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
-            let Raw { schema, sequence, body, .. } = raw;
-            await_outlined!(self.put(&Outgoing { key: kind.key(to), schema, sequence, body: &body }))?;
+            let StoredFrame { schema, sequence, body, .. } = raw;
+            await_outlined!(self.put(&OutgoingFrame { key: kind.key(to), schema, sequence, body: &body }))?;
             healed.copies = healed.copies.saturating_add(1);
             warning!("copy of record {} written anew", kind);
         }
@@ -220,30 +225,35 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The newest record of a kind, not yet understood.
-    async fn newest_whole(&mut self, kind: Kind) -> Result<Option<Raw<'_>>, StoreError> {
+    async fn newest_whole(&mut self, kind: RecordKind) -> Result<Option<StoredFrame<'_>>, StoreError> {
         let Some((_, newest)) = await_outlined!(self.newest(kind))? else { return Ok(None) };
         let key = kind.key(newest);
-        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await?;
+        let raw = self.map.fetch_item::<StoredFrame<'_>>(&mut self.buffer.0, &key).await?;
         // It was whole a moment ago; if it is not now, the flash is failing.
         raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted).map(Some)
     }
 
     /// Writes both copies of a record.
-    async fn write_both(&mut self, kind: Kind, schema: u16, body: &dyn Fill) -> Result<(), StoreError> {
+    async fn write_both(
+        &mut self,
+        kind: RecordKind,
+        schema: u16,
+        body: &dyn WriteBody,
+    ) -> Result<(), StoreError> {
         let newest = await_outlined!(self.newest(kind))?;
         // The copy that is not the newest goes first: until it is whole, the newest is the record.
-        let (last, sequence) = newest.map_or((Copy::B, 0), |(sequence, copy)| (copy, sequence));
-        let first = if last == Copy::A { Copy::B } else { Copy::A };
+        let (last, sequence) = newest.map_or((RecordCopy::B, 0), |(sequence, copy)| (copy, sequence));
+        let first = if last == RecordCopy::A { RecordCopy::B } else { RecordCopy::A };
         let sequence = sequence.saturating_add(1);
         for copy in [first, last] {
-            await_outlined!(self.put(&Outgoing { key: kind.key(copy), schema, sequence, body }))?;
+            await_outlined!(self.put(&OutgoingFrame { key: kind.key(copy), schema, sequence, body }))?;
         }
         Ok(())
     }
 
     /// Writes one copy and looks whether it can be found again: in a region that is damaged beyond single bits the
     /// library may write where it does not look.
-    async fn put(&mut self, outgoing: &Outgoing<'_>) -> Result<(), StoreError> {
+    async fn put(&mut self, outgoing: &OutgoingFrame<'_>) -> Result<(), StoreError> {
         let mut result = Err(StoreError::Flash);
         for _ in 0..ATTEMPTS {
             let stored = self.map.store_item(&mut self.buffer.0, &outgoing.key, outgoing).await;
@@ -260,7 +270,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Sequence number of a copy that is whole.
     async fn sequence(&mut self, key: u8) -> Result<Option<u32>, StoreError> {
-        let raw = self.map.fetch_item::<Raw<'_>>(&mut self.buffer.0, &key).await;
+        let raw = self.map.fetch_item::<StoredFrame<'_>>(&mut self.buffer.0, &key).await;
         match raw {
             Ok(raw) => Ok(raw.and_then(|raw| raw.under(key)).map(|raw| raw.sequence)),
             // No frame, or a damaged one, whatever the library thinks of it.
@@ -270,21 +280,21 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Sequence numbers of the copies that are whole.
-    async fn sequences(&mut self, kind: Kind) -> Result<[Option<u32>; 2], StoreError> {
+    async fn sequences(&mut self, kind: RecordKind) -> Result<[Option<u32>; 2], StoreError> {
         let mut both = [None; 2];
-        for (copy, sequence) in [Copy::A, Copy::B].into_iter().zip(&mut both) {
+        for (copy, sequence) in [RecordCopy::A, RecordCopy::B].into_iter().zip(&mut both) {
             *sequence = await_outlined!(self.sequence(kind.key(copy)))?;
         }
         Ok(both)
     }
 
     /// The newest copy and its sequence number.
-    async fn newest(&mut self, kind: Kind) -> Result<Option<(u32, Copy)>, StoreError> {
+    async fn newest(&mut self, kind: RecordKind) -> Result<Option<(u32, RecordCopy)>, StoreError> {
         let [a, b] = await_outlined!(self.sequences(kind))?;
         Ok(match (a, b) {
-            (Some(a), Some(b)) if b > a => Some((b, Copy::B)),
-            (Some(a), _) => Some((a, Copy::A)),
-            (None, Some(b)) => Some((b, Copy::B)),
+            (Some(a), Some(b)) if b > a => Some((b, RecordCopy::B)),
+            (Some(a), _) => Some((a, RecordCopy::A)),
+            (None, Some(b)) => Some((b, RecordCopy::B)),
             (None, None) => None,
         })
     }

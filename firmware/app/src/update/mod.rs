@@ -24,7 +24,7 @@ pub mod transfer;
 pub mod wire;
 
 pub use mac::{Key, KeySource, NoKey, TAG_LEN};
-pub use service::{Handled, Opened, Service};
-pub use session::{Guard, Outcome, Session, Todo, What, is_loaded};
+pub use service::{CommandOutcome, StartupCalibration, UpdateService};
+pub use session::{ReadTarget, SessionAction, SessionOutcome, UpdateGuard, UpdateSession, is_loaded};
 pub use sizes::{BUFFER_LEN, MAX_TRANSFER};
-pub use transfer::Transfer;
+pub use transfer::UpdateTransfer;

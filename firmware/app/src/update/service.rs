@@ -8,24 +8,24 @@ use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::Micros;
 
 use super::mac::KeySource;
-use super::session::{Guard, Outcome, Session, Todo, What};
-use super::wire::Answer;
+use super::session::{ReadTarget, SessionAction, SessionOutcome, UpdateGuard, UpdateSession};
+use super::wire::UpdateAnswer;
 use crate::calibration::{
     CalibrationState, LiveCalibration, LoadedCalibration, MachineIdentity, ParamsSlot, load,
 };
-use crate::diagnostics::{Code, RejectReason};
+use crate::diagnostics::{FaultCode, RejectReason};
 use crate::outlined_await::await_outlined;
 use crate::storage::{
-    HealthRecord, Kind, Record, StopNote, Store, StoreError, StoredCalibration, UpdateCounter,
+    CrashReport, HealthRecord, Record, RecordKind, Store, StoreError, StoredCalibration, UpdateCounter,
 };
 
 /// What a command led to.
 #[derive(Debug, Default)]
-pub struct Handled {
+pub struct CommandOutcome {
     /// To be sent to this address.
-    pub answer: Option<(u8, Answer)>,
+    pub answer: Option<(u8, UpdateAnswer)>,
     /// To be recorded as a trouble.
-    pub trouble: Option<Code>,
+    pub trouble: Option<FaultCode>,
     /// A new calibration is in flash and its parameters in their place: to be taken into use between two samples; learned health
     /// begins anew with it.
     pub adopted: Option<CalibrationState>,
@@ -33,35 +33,35 @@ pub struct Handled {
 
 /// What a start found.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Opened {
+pub struct StartupCalibration {
     /// The calibration to use; nothing when there is none.
     pub adopted: Option<CalibrationState>,
     /// To be recorded as a trouble.
-    pub trouble: Option<Code>,
+    pub trouble: Option<FaultCode>,
 }
 
-impl From<Outcome> for Handled {
-    fn from(outcome: Outcome) -> Self {
-        Self { answer: outcome.answer, trouble: outcome.refused.map(Code::UpdateRefused), adopted: None }
+impl From<SessionOutcome> for CommandOutcome {
+    fn from(outcome: SessionOutcome) -> Self {
+        Self { answer: outcome.answer, trouble: outcome.refused.map(FaultCode::UpdateRefused), adopted: None }
     }
 }
 
 /// Owner of store and session.
-pub struct Service<'d, F: NorFlash, K> {
+pub struct UpdateService<'d, F: NorFlash, K> {
     store: &'d mut Store<F>,
-    session: &'d mut Session,
+    session: &'d mut UpdateSession,
     keys: K,
     default: Option<&'d [u8]>,
     counter: u32,
     machine: Option<MachineIdentity>,
 }
 
-impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
+impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
     /// Puts the two together, which are large and lie elsewhere; nothing is read yet, and no update is taken before [`open`](Self::open). `default` is the
     /// record to use where none is stored.
     pub const fn new(
         store: &'d mut Store<F>,
-        session: &'d mut Session,
+        session: &'d mut UpdateSession,
         keys: K,
         default: Option<&'d [u8]>,
     ) -> Self {
@@ -70,10 +70,10 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
 
     /// Puts the copies in flash right, finds the calibration to use (the stored one, else the default) and makes its parameters in
     /// `place`.
-    pub async fn open(&mut self, place: &mut dyn ParamsSlot) -> Opened {
+    pub async fn open(&mut self, place: &mut dyn ParamsSlot) -> StartupCalibration {
         // A copy that cannot be put right is told of by what is loaded, or by the next write.
         if let Some(scratch) = self.session.scratch() {
-            await_outlined!(self.store.heal(scratch)).ok();
+            await_outlined!(self.store.repair(scratch)).ok();
         }
         let opened = await_outlined!(self.load(place));
         // Behind the calibration's own where power failed between the two writes of an update.
@@ -84,10 +84,10 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
         opened
     }
 
-    async fn load(&mut self, place: &mut dyn ParamsSlot) -> Opened {
+    async fn load(&mut self, place: &mut dyn ParamsSlot) -> StartupCalibration {
         let LoadedCalibration { live, counter, trouble } = load(self.store, self.default, place).await;
         self.counter = counter;
-        Opened { adopted: self.live(live), trouble }
+        StartupCalibration { adopted: self.live(live), trouble }
     }
 
     /// Remembers what is in use.
@@ -106,33 +106,34 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
         command: [u8; 8],
         loaded: bool,
         place: &mut dyn ParamsSlot,
-    ) -> Handled {
-        let guard = Guard { loaded, keys: &self.keys, counter: self.counter, machine: self.machine.as_ref() };
+    ) -> CommandOutcome {
+        let guard =
+            UpdateGuard { loaded, keys: &self.keys, counter: self.counter, machine: self.machine.as_ref() };
         let outcome = self.session.receive(now, tool, command, &guard);
         match outcome.todo {
             None => outcome.into(),
-            Some(Todo::Store { counter }) => await_outlined!(self.adopt(counter, place)),
-            Some(Todo::Fill(What::Calibration)) => {
+            Some(SessionAction::Store { counter }) => await_outlined!(self.adopt(counter, place)),
+            Some(SessionAction::Fill(ReadTarget::Calibration)) => {
                 let default = self.default;
                 let stored = self.store.read::<StoredCalibration<'_>>().await.ok().flatten();
                 let record = stored.map(|stored| stored.record).filter(|record| !record.is_empty());
                 self.session.fill(now, |buffer| copy(record.or(default)?, buffer)).into()
             }
-            Some(Todo::Fill(what)) => {
-                let kind = if what == What::Stop { StopNote::KIND } else { HealthRecord::KIND };
+            Some(SessionAction::Fill(what)) => {
+                let kind = if what == ReadTarget::Stop { CrashReport::KIND } else { HealthRecord::KIND };
                 self.give(now, kind).await
             }
         }
     }
 
     /// A record's body, to be read.
-    async fn give(&mut self, now: Micros, kind: Kind) -> Handled {
+    async fn give(&mut self, now: Micros, kind: RecordKind) -> CommandOutcome {
         let body = self.store.read_body(kind).await.ok().flatten();
         self.session.fill(now, |buffer| copy(body?, buffer)).into()
     }
 
     /// Ends a transfer whose tool has fallen silent; to be called once a second or more often.
-    pub fn poll(&mut self, now: Micros) -> Handled {
+    pub fn poll(&mut self, now: Micros) -> CommandOutcome {
         self.session.poll(now).into()
     }
 
@@ -150,22 +151,22 @@ impl<'d, F: NorFlash, K: KeySource> Service<'d, F, K> {
     }
 
     /// Writes the checked calibration, and only then gives it out.
-    async fn adopt(&mut self, counter: u32, place: &mut dyn ParamsSlot) -> Handled {
+    async fn adopt(&mut self, counter: u32, place: &mut dyn ParamsSlot) -> CommandOutcome {
         let stored = StoredCalibration { counter, record: self.session.record() };
         let is_written = self.store.write(&stored).await.is_ok();
         let live = if is_written { LiveCalibration::stored(self.session.record(), place) } else { None };
-        let mut handled = Handled::from(self.session.stored(is_written));
+        let mut handled = CommandOutcome::from(self.session.stored(is_written));
         handled.adopted = self.live(live);
         if handled.adopted.is_none() {
             // What is in flash now is known again after a restart; until then nothing more is written over it.
             self.counter = u32::MAX;
-            handled.trouble = Some(Code::UpdateRefused(RejectReason::Storage));
+            handled.trouble = Some(FaultCode::UpdateRefused(RejectReason::Storage));
             return handled;
         }
         self.counter = counter;
         if self.store.write(&UpdateCounter { counter }).await.is_err() {
             // The calibration's own counter holds; the next start tries again.
-            handled.trouble = Some(Code::StorageFailed);
+            handled.trouble = Some(FaultCode::StorageFailed);
         }
         handled
     }

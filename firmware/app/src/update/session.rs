@@ -6,7 +6,7 @@
 //!  '--read--> filling --filled--> reading --1 s of silence, begin, abort--> idle
 //! ```
 //!
-//! The session does neither flash nor swap: it says what is [to do](Todo), and is told how it went. It needs one buffer
+//! The session does neither flash nor swap: it says what is [to do](SessionAction), and is told how it went. It needs one buffer
 //! for one transfer, its own.
 
 use kou_estimator::Sample;
@@ -15,7 +15,7 @@ use kou_estimator::units::{Megapascal, Micros};
 
 use super::mac::{self, KeySource, TAG_LEN};
 use super::sizes::BUFFER_LEN;
-use super::wire::{Answer, Command, segment, transfer_len};
+use super::wire::{UpdateAnswer, UpdateCommand, segment, transfer_len};
 use crate::calibration::MachineIdentity;
 use crate::calibration::active::{checked, crc_of};
 use crate::diagnostics::RejectReason;
@@ -47,7 +47,7 @@ pub fn is_loaded(sample: &Sample, least_difference: Megapascal) -> bool {
 
 /// What an update must get past.
 #[derive(Clone, Copy)]
-pub struct Guard<'a> {
+pub struct UpdateGuard<'a> {
     /// Whether the drive is loaded, by [`is_loaded`].
     pub loaded: bool,
     /// The key.
@@ -61,16 +61,16 @@ pub struct Guard<'a> {
 /// What can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum What {
+pub enum ReadTarget {
     /// Record of the calibration in use.
     Calibration,
     /// Learned state as last written: [`crate::storage::HealthRecord`] in postcard's wire format.
     Health,
-    /// Why the firmware last stopped itself: [`crate::storage::StopNote`] in postcard's wire format.
+    /// Why the firmware last stopped itself: [`crate::storage::CrashReport`] in postcard's wire format.
     Stop,
 }
 
-impl What {
+impl ReadTarget {
     const fn number(self) -> u8 {
         match self {
             Self::Calibration => 1,
@@ -92,76 +92,76 @@ impl What {
 /// What the caller is to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Todo {
-    /// Write [`Session::record`] with this counter to flash, then call [`Session::stored`]; then take it into use.
+pub enum SessionAction {
+    /// Write [`UpdateSession::record`] with this counter to flash, then call [`UpdateSession::stored`]; then take it into use.
     Store {
         /// Counter of the update.
         counter: u32,
     },
-    /// Call [`Session::fill`] with what is to be read.
-    Fill(What),
+    /// Call [`UpdateSession::fill`] with what is to be read.
+    Fill(ReadTarget),
 }
 
 /// What a step led to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Outcome {
+pub struct SessionOutcome {
     /// To be sent back to this address.
-    pub answer: Option<(u8, Answer)>,
-    /// To be recorded as [`crate::diagnostics::Code::UpdateRefused`].
+    pub answer: Option<(u8, UpdateAnswer)>,
+    /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
     pub refused: Option<RejectReason>,
     /// To be done.
-    pub todo: Option<Todo>,
+    pub todo: Option<SessionAction>,
 }
 
-impl Outcome {
-    fn answer(to: u8, answer: Answer) -> Self {
+impl SessionOutcome {
+    fn answer(to: u8, answer: UpdateAnswer) -> Self {
         Self { answer: Some((to, answer)), ..Self::default() }
     }
 
     fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
-        Self { refused: Some(why), ..Self::answer(to, Answer::Refused { command, why, detail }) }
+        Self { refused: Some(why), ..Self::answer(to, UpdateAnswer::Refused { command, why, detail }) }
     }
 
-    fn todo(todo: Todo) -> Self {
+    fn todo(todo: SessionAction) -> Self {
         Self { todo: Some(todo), ..Self::default() }
     }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
+enum SessionState {
     Idle,
     Receiving { length: usize, counter: u32, filled: usize },
     Writing { length: usize },
-    Filling { what: What },
+    Filling { what: ReadTarget },
     Reading { length: usize },
 }
 
 /// The one transfer that can be under way.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Session {
-    stage: Stage,
+pub struct UpdateSession {
+    stage: SessionState,
     tool: u8,
     last: Micros,
     buffer: [u8; BUFFER_LEN],
 }
 
-impl Default for Session {
+impl Default for UpdateSession {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Session {
+impl UpdateSession {
     /// Nothing under way.
     #[must_use]
     pub const fn new() -> Self {
-        Self { stage: Stage::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
+        Self { stage: SessionState::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
     }
 
     /// Whether nothing is under way. Then the buffer serves as scratch memory, see [`scratch`](Self::scratch).
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.stage == Stage::Idle
+        self.stage == SessionState::Idle
     }
 
     /// The buffer, for other use while nothing is under way, as at start-up.
@@ -173,67 +173,78 @@ impl Session {
     #[must_use]
     pub fn record(&self) -> &[u8] {
         match self.stage {
-            Stage::Writing { length } => self.buffer.get(..length).unwrap_or_default(),
+            SessionState::Writing { length } => self.buffer.get(..length).unwrap_or_default(),
             _ => &[],
         }
     }
 
     /// Takes what a tool sent. `command` are the eight bytes of its frame.
-    pub fn receive(&mut self, now: Micros, tool: u8, command: [u8; 8], guard: &Guard<'_>) -> Outcome {
+    pub fn receive(
+        &mut self,
+        now: Micros,
+        tool: u8,
+        command: [u8; 8],
+        guard: &UpdateGuard<'_>,
+    ) -> SessionOutcome {
         let [number, ..] = command;
-        let refuse = |why| Outcome::refusal(tool, number, why, 0);
-        if matches!(self.stage, Stage::Writing { .. } | Stage::Filling { .. })
+        let refuse = |why| SessionOutcome::refusal(tool, number, why, 0);
+        if matches!(self.stage, SessionState::Writing { .. } | SessionState::Filling { .. })
             || !self.is_idle() && tool != self.tool
         {
             return refuse(RejectReason::Busy);
         }
-        let Some(command) = Command::from_bytes(command) else { return refuse(RejectReason::Unknown) };
+        let Some(command) = UpdateCommand::from_bytes(command) else { return refuse(RejectReason::Unknown) };
         self.last = now;
         match self.step(tool, command, guard) {
             Ok(outcome) => outcome,
             Err(why) => {
                 // Whatever was under way is over: a refused transfer is begun anew.
-                self.stage = Stage::Idle;
+                self.stage = SessionState::Idle;
                 let detail = if why == RejectReason::OldCounter { guard.counter } else { 0 };
-                Outcome::refusal(tool, number, why, detail)
+                SessionOutcome::refusal(tool, number, why, detail)
             }
         }
     }
 
-    fn step(&mut self, tool: u8, command: Command, guard: &Guard<'_>) -> Result<Outcome, RejectReason> {
+    fn step(
+        &mut self,
+        tool: u8,
+        command: UpdateCommand,
+        guard: &UpdateGuard<'_>,
+    ) -> Result<SessionOutcome, RejectReason> {
         match (command, self.stage) {
-            (Command::Begin { length, counter }, _) => {
+            (UpdateCommand::Begin { length, counter }, _) => {
                 self.stage = begin(usize::from(length), counter, guard)?;
                 self.tool = tool;
-                Ok(Outcome::answer(tool, Answer::Begun))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Begun))
             }
-            (Command::Data { number, bytes }, Stage::Receiving { length, counter, filled }) => {
+            (UpdateCommand::Data { number, bytes }, SessionState::Receiving { length, counter, filled }) => {
                 let filled = self.take(usize::from(number), &bytes, length, filled)?;
-                self.stage = Stage::Receiving { length, counter, filled };
-                Ok(Outcome::answer(tool, Answer::Taken { next: number.wrapping_add(1) }))
+                self.stage = SessionState::Receiving { length, counter, filled };
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Taken { next: number.wrapping_add(1) }))
             }
-            (Command::Commit, Stage::Receiving { length, counter, filled }) => {
+            (UpdateCommand::Commit, SessionState::Receiving { length, counter, filled }) => {
                 self.check(length, counter, filled, guard)?;
-                self.stage = Stage::Writing { length };
-                Ok(Outcome::todo(Todo::Store { counter }))
+                self.stage = SessionState::Writing { length };
+                Ok(SessionOutcome::todo(SessionAction::Store { counter }))
             }
-            (Command::Abort, _) => {
-                self.stage = Stage::Idle;
-                Ok(Outcome::answer(tool, Answer::Aborted))
+            (UpdateCommand::Abort, _) => {
+                self.stage = SessionState::Idle;
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Aborted))
             }
-            (Command::Read { what }, Stage::Idle | Stage::Reading { .. }) => {
-                let what = What::from_number(what).ok_or(RejectReason::Unknown)?;
-                self.stage = Stage::Filling { what };
+            (UpdateCommand::Read { what }, SessionState::Idle | SessionState::Reading { .. }) => {
+                let what = ReadTarget::from_number(what).ok_or(RejectReason::Unknown)?;
+                self.stage = SessionState::Filling { what };
                 self.tool = tool;
-                Ok(Outcome::todo(Todo::Fill(what)))
+                Ok(SessionOutcome::todo(SessionAction::Fill(what)))
             }
-            (Command::Next { number }, Stage::Reading { length }) => {
+            (UpdateCommand::Next { number }, SessionState::Reading { length }) => {
                 let bytes = self.buffer.get(..length).unwrap_or_default();
                 let bytes = segment(bytes, number).ok_or(RejectReason::OutOfOrder)?;
-                Ok(Outcome::answer(tool, Answer::Segment { number, bytes }))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
             }
-            (Command::Read { .. }, _) => Err(RejectReason::Busy),
-            (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => {
+            (UpdateCommand::Read { .. }, _) => Err(RejectReason::Busy),
+            (UpdateCommand::Data { .. } | UpdateCommand::Commit | UpdateCommand::Next { .. }, _) => {
                 Err(RejectReason::NoTransfer)
             }
         }
@@ -264,7 +275,7 @@ impl Session {
         length: usize,
         counter: u32,
         filled: usize,
-        guard: &Guard<'_>,
+        guard: &UpdateGuard<'_>,
     ) -> Result<(), RejectReason> {
         if filled < transfer_len(length) {
             return Err(RejectReason::Incomplete);
@@ -287,52 +298,55 @@ impl Session {
     }
 
     /// Told how writing went; gives the answer to the tool. The record is gone with it: take it into use before.
-    pub fn stored(&mut self, is_written: bool) -> Outcome {
+    pub fn stored(&mut self, is_written: bool) -> SessionOutcome {
         let crc = crc_of(self.record());
-        if !matches!(core::mem::replace(&mut self.stage, Stage::Idle), Stage::Writing { .. }) {
-            return Outcome::default();
+        if !matches!(core::mem::replace(&mut self.stage, SessionState::Idle), SessionState::Writing { .. }) {
+            return SessionOutcome::default();
         }
         if is_written {
             info!("calibration {=u32:08x} accepted over CAN", crc);
-            Outcome::answer(self.tool, Answer::Committed { crc })
+            SessionOutcome::answer(self.tool, UpdateAnswer::Committed { crc })
         } else {
-            Outcome::refusal(self.tool, 3, RejectReason::Storage, 0)
+            SessionOutcome::refusal(self.tool, 3, RejectReason::Storage, 0)
         }
     }
 
     /// Told what is to be read: `write` fills a buffer and says how long it is, or that there is nothing.
-    pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> Outcome {
-        let Stage::Filling { what } = self.stage else { return Outcome::default() };
+    pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> SessionOutcome {
+        let SessionState::Filling { what } = self.stage else { return SessionOutcome::default() };
         let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
         let Some((length, on_wire)) = length.and_then(|l| Some((l, u16::try_from(l).ok()?))) else {
-            self.stage = Stage::Idle;
-            return Outcome::refusal(self.tool, 0x11, RejectReason::NothingStored, 0);
+            self.stage = SessionState::Idle;
+            return SessionOutcome::refusal(self.tool, 0x11, RejectReason::NothingStored, 0);
         };
-        self.stage = Stage::Reading { length };
+        self.stage = SessionState::Reading { length };
         self.last = now;
         let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
-        Outcome::answer(self.tool, Answer::ToBeRead { what: what.number(), length: on_wire, crc })
+        SessionOutcome::answer(
+            self.tool,
+            UpdateAnswer::ToBeRead { what: what.number(), length: on_wire, crc },
+        )
     }
 
     /// Ends a transfer whose tool has fallen silent. To be called every 100 ms or so.
-    pub fn poll(&mut self, now: Micros) -> Outcome {
+    pub fn poll(&mut self, now: Micros) -> SessionOutcome {
         let is_late = now.0.saturating_sub(self.last.0) > TIME_OUT.0;
         match self.stage {
-            Stage::Receiving { .. } if is_late => {
-                self.stage = Stage::Idle;
-                Outcome::refusal(self.tool, 2, RejectReason::TimeOut, 0)
+            SessionState::Receiving { .. } if is_late => {
+                self.stage = SessionState::Idle;
+                SessionOutcome::refusal(self.tool, 2, RejectReason::TimeOut, 0)
             }
             // A tool that stops reading has read enough.
-            Stage::Reading { .. } if is_late => {
-                self.stage = Stage::Idle;
-                Outcome::default()
+            SessionState::Reading { .. } if is_late => {
+                self.stage = SessionState::Idle;
+                SessionOutcome::default()
             }
-            _ => Outcome::default(),
+            _ => SessionOutcome::default(),
         }
     }
 }
 
-fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, RejectReason> {
+fn begin(length: usize, counter: u32, guard: &UpdateGuard<'_>) -> Result<SessionState, RejectReason> {
     if guard.keys.update_key().is_none() {
         return Err(RejectReason::NoKey);
     }
@@ -345,7 +359,7 @@ fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Reject
     if !(MIN_LEN..=record::MAX_LEN).contains(&length) {
         return Err(RejectReason::Length);
     }
-    Ok(Stage::Receiving { length, counter, filled: 0 })
+    Ok(SessionState::Receiving { length, counter, filled: 0 })
 }
 
 /// The whole record: readable, past every check that the estimator makes, and for this machine.

@@ -9,7 +9,7 @@ use crate::storage;
 /// Longest transfer: a calibration record and its tag.
 pub const MAX_TRANSFER: usize = record::MAX_LEN + TAG_LEN;
 
-/// Bytes of the session's buffer, which also serves as [`crate::storage::Store::heal`]'s scratch memory.
+/// Bytes of the session's buffer, which also serves as [`crate::storage::Store::repair`]'s scratch memory.
 pub const BUFFER_LEN: usize =
     if MAX_TRANSFER > storage::BUFFER_LEN { MAX_TRANSFER } else { storage::BUFFER_LEN };
 

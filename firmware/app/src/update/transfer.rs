@@ -4,18 +4,18 @@ use kou_estimator::calibration::record::MAX_LEN;
 
 use super::mac::{self, Key, TAG_LEN};
 use super::sizes::MAX_TRANSFER;
-use super::wire::{Command, SEGMENT, segment};
+use super::wire::{SEGMENT, UpdateCommand, segment};
 use crate::diagnostics::RejectReason;
 
 /// One update, ready to be sent.
 #[derive(Debug, Clone)]
-pub struct Transfer {
+pub struct UpdateTransfer {
     bytes: heapless::Vec<u8, MAX_TRANSFER>,
     length: u16,
     counter: u32,
 }
 
-impl Transfer {
+impl UpdateTransfer {
     /// Puts record and tag together.
     ///
     /// # Errors
@@ -42,20 +42,20 @@ impl Transfer {
 
     /// The command of this number: begin, every segment, commit; then there is none.
     #[must_use]
-    pub fn command(&self, number: usize) -> Option<Command> {
+    pub fn command(&self, number: usize) -> Option<UpdateCommand> {
         let segments = self.bytes.len().div_ceil(SEGMENT);
         match number.checked_sub(1) {
-            None => Some(Command::Begin { length: self.length, counter: self.counter }),
+            None => Some(UpdateCommand::Begin { length: self.length, counter: self.counter }),
             Some(number) if number < segments => {
                 let number = u8::try_from(number).ok()?;
-                Some(Command::Data { number, bytes: segment(&self.bytes, number)? })
+                Some(UpdateCommand::Data { number, bytes: segment(&self.bytes, number)? })
             }
-            Some(number) => (number == segments).then_some(Command::Commit),
+            Some(number) => (number == segments).then_some(UpdateCommand::Commit),
         }
     }
 
     /// All commands in order.
-    pub fn commands(&self) -> impl Iterator<Item = Command> {
+    pub fn commands(&self) -> impl Iterator<Item = UpdateCommand> {
         (0..).map_while(|number| self.command(number))
     }
 }

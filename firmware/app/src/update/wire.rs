@@ -39,7 +39,7 @@ const REFUSED: u8 = 0x7F;
 /// What a tool asks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Command {
+pub enum UpdateCommand {
     /// Begins an update.
     Begin {
         /// Bytes of the record, without the tag.
@@ -70,7 +70,7 @@ pub enum Command {
     },
 }
 
-impl Command {
+impl UpdateCommand {
     /// The command in these bytes; nothing when this version knows none.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
@@ -110,7 +110,7 @@ impl Command {
 /// What the controller answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Answer {
+pub enum UpdateAnswer {
     /// The update may be sent.
     Begun,
     /// The segment was taken.
@@ -152,7 +152,7 @@ pub enum Answer {
     },
 }
 
-impl Answer {
+impl UpdateAnswer {
     /// The answer in these bytes; nothing when this version knows none.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 8]) -> Option<Self> {

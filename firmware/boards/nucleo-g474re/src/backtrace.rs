@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use kou_app::diagnostics::backtrace::Program;
+use kou_app::diagnostics::backtrace::CodeMemory;
 
 #[allow(unsafe_code, reason = "symbols of the linker, of which only the addresses are taken")]
 // SAFETY: cortex-m-rt's script defines them: beginning of the stack, which grows downwards; begin and end of the code.
@@ -13,9 +13,9 @@ unsafe extern "C" {
 }
 
 /// The code in flash.
-pub(crate) struct Flash;
+pub(crate) struct CodeFlash;
 
-impl Program for Flash {
+impl CodeMemory for CodeFlash {
     fn code(&self) -> Range<u32> {
         address(&raw const __stext)..address(&raw const __etext)
     }

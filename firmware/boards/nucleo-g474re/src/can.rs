@@ -21,12 +21,12 @@ static TO_BUS: ConstStaticCell<TxBuf<QUEUE>> = ConstStaticCell::new(TxBuf::new()
 static FROM_BUS: ConstStaticCell<RxBuf<QUEUE>> = ConstStaticCell::new(RxBuf::new());
 
 /// The controller's end of the bus.
-pub(crate) struct Port {
+pub(crate) struct FdcanPort {
     sender: BufferedCanSender,
     receiver: BufferedCanReceiver,
 }
 
-impl Port {
+impl FdcanPort {
     /// Starts the peripheral, once: a second time there are no queues left.
     pub(crate) fn new(
         can: Peri<'static, FDCAN1>,
@@ -47,7 +47,7 @@ impl Port {
     }
 }
 
-impl CanPort for Port {
+impl CanPort for FdcanPort {
     fn receive(&mut self) -> Option<Frame> {
         // Errors of the bus come in the same queue; what they mean is seen in the frames that do not come.
         while let Ok(come) = self.receiver.try_receive() {

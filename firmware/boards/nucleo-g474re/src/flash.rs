@@ -1,4 +1,4 @@
-//! Flash: where records are kept, the page that production writes, and words that a power cut has spoilt.
+//! Flash: where records are init_static, the page that production writes, and words that a power cut has spoilt.
 //!
 //! | from | bytes | what |
 //! |---|---|---|
@@ -21,7 +21,7 @@ use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::FLASH;
-use kou_app::storage::{SetUpError, Store};
+use kou_app::storage::{RegionError, Store};
 use kou_app::update::{Key, KeySource, provision};
 
 use crate::watchdog;
@@ -60,9 +60,9 @@ impl KeySource for Provisioned {
 pub(crate) fn store(
     flash: Peri<'static, FLASH>,
     irqs: impl Binding<typelevel::FLASH, InterruptHandler> + 'static,
-) -> Result<Store<Flash<'static, Mode>>, SetUpError> {
+) -> Result<Store<Flash<'static, Mode>>, RegionError> {
     if !pac::FLASH.optr().read().dbank() {
-        return Err(SetUpError::Pages);
+        return Err(RegionError::Pages);
     }
     Store::new(Flash::new(flash, irqs), RECORDS)
 }

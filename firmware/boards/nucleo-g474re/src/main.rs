@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`backtrace`] | who called, for the note that a panic leaves |
 //! | [`can`] | the CAN bus |
-//! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
+//! | [`flash`] | where records are init_static, what production wrote, words that a power cut has spoilt |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
 //! | [`watchdog`] | watchdog, reset cause, the note across a reset, panics and hard faults |
@@ -34,22 +34,23 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper as Records, NoEstimate, Publish, Sampler,
-    SensorsMemory, run_estimate, run_publish, run_sample, run_store, run_supervise,
+    AdcSampler, CanInterface, Controller, Estimator, NoEstimate, Publish, SensorsMemory, StorageTask,
+    WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
+    run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::storage::Store;
-use kou_app::update::{Service, Session};
+use kou_app::update::{UpdateService, UpdateSession};
 use kou_estimator::calibration::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;
 
 use crate::pickups::Pickups;
-use crate::watchdog::Keeper;
+use crate::watchdog::WatchdogDriver;
 
 defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
 
@@ -63,7 +64,7 @@ bind_interrupts!(struct Irqs {
 });
 
 /// What the tasks, of three priorities, share.
-type Shared = Controller<CriticalSectionRawMutex>;
+type SharedState = Controller<CriticalSectionRawMutex>;
 
 /// Executors above the thread's, on interrupts of peripherals that the board does not use.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
@@ -91,7 +92,7 @@ unsafe fn LPUART1() {
     unsafe { LOW.on_interrupt() }
 }
 
-type FrontEnd = Sampler<
+type FrontEnd = AdcSampler<
     Mcp3208<
         ExclusiveDevice<
             Spi<'static, Async, spi::mode::Master>,
@@ -120,23 +121,23 @@ struct CanPins {
     transmit: Peri<'static, peripherals::PA12>,
 }
 
-type FlashRecords = Records<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
+type FlashStorageTask = StorageTask<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
 
 // What the tasks work with lies outside of them: a task is put together on the stack and then moved to its place. Made at start:
 // as statics with values they would lie in flash as well, kilobytes of it.
-static CONTROLLER: StaticCell<Shared> = StaticCell::new();
+static CONTROLLER: StaticCell<SharedState> = StaticCell::new();
 static STORE: StaticCell<Store<Flash<'static, flash::Mode>>> = StaticCell::new();
-static SESSION: StaticCell<Session> = StaticCell::new();
-static RECORDS: StaticCell<FlashRecords> = StaticCell::new();
+static SESSION: StaticCell<UpdateSession> = StaticCell::new();
+static RECORDS: StaticCell<FlashStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
 static SENSORS_MEMORY: StaticCell<SensorsMemory> = StaticCell::new();
 static FRONT_END: StaticCell<FrontEnd> = StaticCell::new();
 static ESTIMATOR: StaticCell<Estimator> = StaticCell::new();
-static TOLD: StaticCell<Told> = StaticCell::new();
+static PUBLISHER: StaticCell<Publisher> = StaticCell::new();
 
 #[embassy_executor::task]
 async fn sample(
-    shared: &'static Shared,
+    shared: &'static SharedState,
     start: Instant,
     params: &'static SensorsParams,
     front_end: &'static mut FrontEnd,
@@ -146,32 +147,32 @@ async fn sample(
 }
 
 #[embassy_executor::task]
-async fn estimate(shared: &'static Shared, start: Instant, estimator: &'static mut Estimator) {
+async fn estimate(shared: &'static SharedState, start: Instant, estimator: &'static mut Estimator) {
     run_estimate(shared, start, estimator).await
 }
 
 #[embassy_executor::task]
-async fn publish(shared: &'static Shared, start: Instant, to: &'static mut Told) {
+async fn publish(shared: &'static SharedState, start: Instant, to: &'static mut Publisher) {
     run_publish(shared, start, to).await
 }
 
 #[embassy_executor::task]
-async fn keep(shared: &'static Shared, start: Instant, records: &'static mut FlashRecords) {
-    run_store(shared, start, records).await
+async fn keep(shared: &'static SharedState, start: Instant, records: &'static mut FlashStorageTask) {
+    run_storage(shared, start, records).await
 }
 
 #[embassy_executor::task]
-async fn supervise(shared: &'static Shared, start: Instant, mut keeper: Keeper) {
+async fn supervise(shared: &'static SharedState, start: Instant, mut keeper: WatchdogDriver) {
     run_supervise(shared, start, &mut keeper).await
 }
 
 /// Tells the bus, and the log when the estimates become valid and when they cease to be.
-struct Told {
-    bus: Bus<'static, can::Port, CriticalSectionRawMutex>,
+struct Publisher {
+    bus: CanInterface<'static, can::FdcanPort, CriticalSectionRawMutex>,
     was_valid: Option<bool>,
 }
 
-impl Publish for Told {
+impl Publish for Publisher {
     async fn publish(
         &mut self,
         now: Micros,
@@ -187,8 +188,8 @@ impl Publish for Told {
         }
     }
 
-    fn oil_heard(&self, now: Micros) -> Reading<Celsius> {
-        self.bus.oil_heard(now)
+    fn external_oil_temperature(&self, now: Micros) -> Reading<Celsius> {
+        self.bus.external_oil_temperature(now)
     }
 }
 
@@ -208,15 +209,15 @@ const ADC_CLOCK: Hertz = Hertz(1_000_000);
 
 /// A value in its place for good. Not inlined, so that what it is made of leaves the stack at once; each place is taken once.
 #[inline(never)]
-fn kept<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
+fn init_static<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
     match place.try_init_with(make) {
         Some(value) => value,
         None => watchdog::stop("made twice"),
     }
 }
 
-fn shared() -> &'static Shared {
-    kept(&CONTROLLER, Controller::new)
+fn shared() -> &'static SharedState {
+    init_static(&CONTROLLER, Controller::new)
 }
 
 #[inline(never)]
@@ -225,7 +226,7 @@ fn sensors() -> &'static SensorsParams {
         Ok(params) => params,
         Err(_) => watchdog::stop("wiring"),
     };
-    kept(&SENSORS, params)
+    init_static(&SENSORS, params)
 }
 
 /// Converter and timer.
@@ -241,28 +242,31 @@ fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
     let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
     let (pump, motor) = pins.pickups;
     let timer = Pickups::new(pins.timer, pump, motor, Irqs);
-    kept(&FRONT_END, || Sampler::new(Mcp3208::new(device), timer))
+    init_static(&FRONT_END, || AdcSampler::new(Mcp3208::new(device), timer))
 }
 
 #[inline(never)]
-fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
+fn publisher(shared: &'static SharedState, pins: CanPins) -> &'static mut Publisher {
     let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { watchdog::stop("name") };
-    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else {
+    let Some(port) = can::FdcanPort::new(pins.can, pins.receive, pins.transmit, Irqs) else {
         watchdog::stop("CAN")
     };
-    kept(&TOLD, || {
-        let bus = Bus::new(port, Node::new(name, ADDRESS), shared);
-        Told { bus: OIL_FROM.into_iter().fold(bus, Bus::hearing_oil_from), was_valid: None }
+    init_static(&PUBLISHER, || {
+        let bus = CanInterface::new(port, Node::new(name, ADDRESS), shared);
+        Publisher {
+            bus: OIL_FROM.into_iter().fold(bus, CanInterface::with_external_oil_temperature),
+            was_valid: None,
+        }
     })
 }
 
 #[inline(never)]
-fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecords {
+fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashStorageTask {
     let begin = watchdog::begin();
-    let Ok(rates) = KeepParams::new(&KeepConfig::VEHICLE) else { watchdog::stop("rates") };
-    let (store, session) = (store(flash), kept(&SESSION, Session::new));
-    let service = Service::new(store, session, flash::Provisioned, flash::default_calibration());
-    kept(&RECORDS, || Records::new(service, rates, begin))
+    let Ok(rates) = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE) else { watchdog::stop("rates") };
+    let (store, session) = (store(flash), init_static(&SESSION, UpdateSession::new));
+    let service = UpdateService::new(store, session, flash::Provisioned, flash::default_calibration());
+    init_static(&RECORDS, || StorageTask::new(service, rates, begin))
 }
 
 #[inline(never)]
@@ -271,14 +275,14 @@ fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'
         Ok(store) => store,
         Err(_) => watchdog::stop("flash is not two banks"),
     };
-    kept(&STORE, store)
+    init_static(&STORE, store)
 }
 
 fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
-    let keeper = Keeper::new(p.IWDG);
-    let shared: &'static Shared = shared();
+    let keeper = WatchdogDriver::new(p.IWDG);
+    let shared: &'static SharedState = shared();
     let records = records(p.FLASH);
-    let (params, memory) = (sensors(), kept(&SENSORS_MEMORY, SensorsMemory::new));
+    let (params, memory) = (sensors(), init_static(&SENSORS_MEMORY, SensorsMemory::new));
     let front_end = front_end(FrontEndPins {
         spi: p.SPI1,
         spi_pins: (p.PA5, p.PA7, p.PA6),
@@ -287,8 +291,8 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
         timer: p.TIM2,
         pickups: (p.PA0, p.PA1),
     });
-    let told = told(shared, CanPins { can: p.FDCAN1, receive: p.PA11, transmit: p.PA12 });
-    let estimator = kept(&ESTIMATOR, Estimator::new);
+    let publisher = publisher(shared, CanPins { can: p.FDCAN1, receive: p.PA11, transmit: p.PA12 });
+    let estimator = init_static(&ESTIMATOR, Estimator::new);
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
@@ -299,7 +303,7 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     let start = Instant::now();
     highest.spawn(sample(shared, start, params, front_end, memory)?);
     high.spawn(estimate(shared, start, estimator)?);
-    low.spawn(publish(shared, start, told)?);
+    low.spawn(publish(shared, start, publisher)?);
     low.spawn(supervise(shared, start, keeper)?);
     spawner.spawn(keep(shared, start, records)?);
     Ok(())

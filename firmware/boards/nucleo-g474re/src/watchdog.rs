@@ -10,12 +10,12 @@ use embassy_stm32::Peri;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use kou_app::controller::{Begin, Task, Watchdog};
+use kou_app::controller::{StartReason, Task, Watchdog};
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::backtrace::{callers, tell};
-use kou_app::diagnostics::crash_log::{self, Kind, Text};
+use kou_app::diagnostics::backtrace::{return_addresses, write_backtrace};
+use kou_app::diagnostics::crash_log::{self, CrashKind, CrashText};
 
-use crate::backtrace::{self, Flash};
+use crate::backtrace::{self, CodeFlash};
 
 /// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
@@ -37,11 +37,11 @@ fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
 }
 
 /// The independent watchdog, started.
-pub(crate) struct Keeper {
+pub(crate) struct WatchdogDriver {
     watchdog: IndependentWatchdog<'static, IWDG>,
 }
 
-impl Keeper {
+impl WatchdogDriver {
     /// Starts the watchdog; nothing stops it any more.
     pub(crate) fn new(iwdg: Peri<'static, IWDG>) -> Self {
         let mut watchdog = IndependentWatchdog::new(iwdg, WATCHDOG_US);
@@ -50,22 +50,22 @@ impl Keeper {
     }
 }
 
-impl Watchdog for Keeper {
+impl Watchdog for WatchdogDriver {
     fn feed(&mut self) {
         self.watchdog.pet();
     }
 
     fn give_up(&mut self, task: Task) {
         with_note(|memory| {
-            crash_log::write(memory, Kind::Overdue, |text| {
+            crash_log::write(memory, CrashKind::Overdue, |text| {
                 text.push(task.name());
             })
         });
     }
 }
 
-/// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
-pub(crate) fn begin() -> Begin {
+/// Why the controller started, publisher to the log as well; the hardware and the note's memory forget it.
+pub(crate) fn begin() -> StartReason {
     let (has_survived, note) = with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -85,17 +85,17 @@ pub(crate) fn begin() -> Begin {
     if let Some(note) = &note {
         defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
     }
-    Begin { cause, note }
+    StartReason { cause, note }
 }
 
 /// Leaves a note and resets.
 pub(crate) fn stop(why: &str) -> ! {
-    leave(Kind::Panic, |text| {
+    leave(CrashKind::Panic, |text| {
         text.push(why);
     })
 }
 
-fn leave(kind: Kind, tell: impl FnOnce(&mut Text<'_>)) -> ! {
+fn leave(kind: CrashKind, tell: impl FnOnce(&mut CrashText<'_>)) -> ! {
     cortex_m::interrupt::disable();
     with_note(|memory| crash_log::write(memory, kind, tell));
     SCB::sys_reset()
@@ -104,14 +104,17 @@ fn leave(kind: Kind, tell: impl FnOnce(&mut Text<'_>)) -> ! {
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // Who called; the texts and places of all panics would take 8 KB of flash.
-    leave(Kind::Panic, |text| tell(text, callers(&Flash, backtrace::stack())))
+    leave(CrashKind::Panic, |text| write_backtrace(text, return_addresses(&CodeFlash, backtrace::stack())))
 }
 
 #[allow(unsafe_code, reason = "an exception handler for hard faults must be declared unsafe")]
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    leave(Kind::HardFault, |text| {
+    leave(CrashKind::HardFault, |text| {
         text.push("at ").push_hex(frame.pc()).push(", ");
-        tell(text, [frame.lr()].into_iter().chain(callers(&Flash, backtrace::stack())))
+        write_backtrace(
+            text,
+            [frame.lr()].into_iter().chain(return_addresses(&CodeFlash, backtrace::stack())),
+        )
     })
 }

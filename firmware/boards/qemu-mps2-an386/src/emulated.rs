@@ -12,7 +12,7 @@ use core::cell::RefCell;
 use core::ops::Range;
 
 use critical_section::Mutex;
-use embassy_time::{Duration, Timer as Wait};
+use embassy_time::{Duration, Timer};
 use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use embedded_storage_async::nor_flash::{
     ErrorType as FlashErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -22,12 +22,12 @@ use kou_app::controller::{CanPort, EdgeTimer, Task, Watchdog};
 use kou_app::j1939::{Frame, Id};
 use kou_app::sensors::pickup::Edges;
 use kou_app::sensors::set::CHANNELS;
-use kou_app::storage::Kind;
+use kou_app::storage::RecordKind;
 use kou_app::update::{Key, KeySource};
 use kou_emulation::ram_flash;
 use kou_emulation::{
-    Begin, CanFrame, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork, FromHost, MAX_LEN, Order,
-    Said, ToHost, pack, unpack,
+    CanFrame, EmulationStart, FLASH_CHUNK, FLASH_LEN, FLASH_PAGE, FirmwareMessage, FlashDone, FlashWork,
+    MAX_LEN, Order, TickReply, TickReport, pack, unpack,
 };
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Write};
@@ -43,13 +43,13 @@ static TRANSACTIONS: Mutex<RefCell<Transactions>> = Mutex::new(RefCell::new(Vec:
 
 /// Frames that a CAN controller's queues hold.
 const CAN_QUEUE: usize = 16;
-static SENT: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
-static COME: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+static TX_QUEUE: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
+static RX_QUEUE: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
 
 /// The CAN controller, whose bus the host emulates.
-pub struct Can(());
+pub struct EmulatedCan(());
 
-impl Can {
+impl EmulatedCan {
     /// The controller.
     #[must_use]
     pub const fn new() -> Self {
@@ -57,31 +57,31 @@ impl Can {
     }
 }
 
-impl Default for Can {
+impl Default for EmulatedCan {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl CanPort for Can {
+impl CanPort for EmulatedCan {
     fn receive(&mut self) -> Option<Frame> {
-        let (id, data) = critical_section::with(|cs| COME.borrow_ref_mut(cs).pop_front())?;
+        let (id, data) = critical_section::with(|cs| RX_QUEUE.borrow_ref_mut(cs).pop_front())?;
         Frame::of(Id::from_raw(id), &data)
     }
 
     fn send(&mut self, frame: &Frame) -> bool {
         let Ok(data) = Vec::from_slice(frame.data()) else { return false };
-        critical_section::with(|cs| SENT.borrow_ref_mut(cs).push_back((frame.id().raw(), data))).is_ok()
+        critical_section::with(|cs| TX_QUEUE.borrow_ref_mut(cs).push_back((frame.id().raw(), data))).is_ok()
     }
 }
 
 /// The line to the host.
-pub struct Line {
+pub struct HostLine {
     from_host: File,
     to_host: File,
 }
 
-impl Line {
+impl HostLine {
     /// Opens the line; the host opens its ends in the same order.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl Line {
     }
 
     /// The message with which the host begins.
-    pub fn begin<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<Begin<'a>> {
+    pub fn begin<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<EmulationStart<'a>> {
         unpack(self.receive(buffer)?).map(|(begin, _)| begin)
     }
 
@@ -107,11 +107,11 @@ impl Line {
     }
 }
 
-static LINE: Mutex<RefCell<Option<Line>>> = Mutex::new(RefCell::new(None));
+static LINE: Mutex<RefCell<Option<HostLine>>> = Mutex::new(RefCell::new(None));
 
 /// One message out, one in. Interrupts are off meanwhile, and time stands still in the host's turn; packing and unpacking, which
 /// take time, are left out of that.
-fn ask<T: serde::de::DeserializeOwned>(said: &Said) -> Option<T> {
+fn ask<T: serde::de::DeserializeOwned>(said: &FirmwareMessage) -> Option<T> {
     let (mut out, mut back) = ([0; MAX_LEN], [0; MAX_LEN]);
     let bytes = pack(said, &mut out)?;
     let length = critical_section::with(|cs| {
@@ -124,8 +124,8 @@ fn ask<T: serde::de::DeserializeOwned>(said: &Said) -> Option<T> {
 }
 
 /// The flash, whose cells are the host's; reads are from a copy in RAM, at once, as from flash that lies in memory.
-pub struct Flash {
-    writing: fn() -> Option<Kind>,
+pub struct EmulatedFlash {
+    writing: fn() -> Option<RecordKind>,
     copy: &'static mut [u8; FLASH_LEN],
 }
 
@@ -133,9 +133,9 @@ static COPY: ConstStaticCell<[u8; FLASH_LEN]> = ConstStaticCell::new([0; FLASH_L
 
 /// The host has refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
-pub struct FlashRefused;
+pub struct EmulatedFlashError;
 
-impl NorFlashError for FlashRefused {
+impl NorFlashError for EmulatedFlashError {
     fn kind(&self) -> NorFlashErrorKind {
         NorFlashErrorKind::Other
     }
@@ -145,11 +145,11 @@ impl NorFlashError for FlashRefused {
 const WORD_TIME: Duration = Duration::from_micros(85);
 const PAGE_TIME: Duration = Duration::from_millis(22);
 
-impl Flash {
+impl EmulatedFlash {
     /// The flash, once, when the line is shared; `writing` says which record is being written, for the host to aim its power
     /// cuts at.
     #[must_use]
-    pub fn new(writing: fn() -> Option<Kind>) -> Option<Self> {
+    pub fn new(writing: fn() -> Option<RecordKind>) -> Option<Self> {
         let mut flash = Self { writing, copy: COPY.try_take()? };
         flash.look(0..FLASH_LEN)?;
         Some(flash)
@@ -161,29 +161,30 @@ impl Flash {
         for (offset, chunk) in offsets.zip(self.copy.get_mut(range)?.chunks_mut(FLASH_CHUNK)) {
             let length = u16::try_from(chunk.len()).ok()?;
             let work = FlashWork::Read { offset: u32::try_from(offset).ok()?, length };
-            let read = ask::<FlashDone>(&Said::Flash { of: None, work })??;
+            let read = ask::<FlashDone>(&FirmwareMessage::Flash { of: None, work })??;
             chunk.copy_from_slice(read.get(..chunk.len())?);
         }
         Some(())
     }
 
-    fn work(&self, work: FlashWork) -> Result<Vec<u8, FLASH_CHUNK>, FlashRefused> {
+    fn work(&self, work: FlashWork) -> Result<Vec<u8, FLASH_CHUNK>, EmulatedFlashError> {
         let of = (self.writing)().map(|kind| kind as u8);
-        let Some(done) = ask::<FlashDone>(&Said::Flash { of, work }) else { Exit::HostGone.now() };
-        done.ok_or(FlashRefused)
+        let Some(done) = ask::<FlashDone>(&FirmwareMessage::Flash { of, work }) else { Exit::HostGone.now() };
+        done.ok_or(EmulatedFlashError)
     }
 }
 
-impl FlashErrorType for Flash {
-    type Error = FlashRefused;
+impl FlashErrorType for EmulatedFlash {
+    type Error = EmulatedFlashError;
 }
 
-impl ReadNorFlash for Flash {
+impl ReadNorFlash for EmulatedFlash {
     const READ_SIZE: usize = 1;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashRefused> {
-        let start = usize::try_from(offset).map_err(|_| FlashRefused)?;
-        let cells = self.copy.get(start..).and_then(|rest| rest.get(..bytes.len())).ok_or(FlashRefused)?;
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), EmulatedFlashError> {
+        let start = usize::try_from(offset).map_err(|_| EmulatedFlashError)?;
+        let cells =
+            self.copy.get(start..).and_then(|rest| rest.get(..bytes.len())).ok_or(EmulatedFlashError)?;
         bytes.copy_from_slice(cells);
         Ok(())
     }
@@ -193,26 +194,26 @@ impl ReadNorFlash for Flash {
     }
 }
 
-impl NorFlash for Flash {
+impl NorFlash for EmulatedFlash {
     const WRITE_SIZE: usize = ram_flash::WORD;
     const ERASE_SIZE: usize = FLASH_PAGE;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashRefused> {
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), EmulatedFlashError> {
         self.work(FlashWork::Erase { from, to })?;
-        self.look(from as usize..to as usize).ok_or(FlashRefused)?;
+        self.look(from as usize..to as usize).ok_or(EmulatedFlashError)?;
         let pages = to.saturating_sub(from) / FLASH_PAGE as u32;
-        Wait::after(PAGE_TIME * pages).await;
+        Timer::after(PAGE_TIME * pages).await;
         Ok(())
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashRefused> {
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), EmulatedFlashError> {
         for (at, chunk) in (offset..).step_by(FLASH_CHUNK).zip(bytes.chunks(FLASH_CHUNK)) {
-            let words = u32::try_from(chunk.len() / ram_flash::WORD).map_err(|_| FlashRefused)?;
-            let bytes = Vec::from_slice(chunk).map_err(|_| FlashRefused)?;
+            let words = u32::try_from(chunk.len() / ram_flash::WORD).map_err(|_| EmulatedFlashError)?;
+            let bytes = Vec::from_slice(chunk).map_err(|_| EmulatedFlashError)?;
             self.work(FlashWork::Write { offset: at, bytes })?;
             let at = at as usize;
-            self.look(at..at.saturating_add(chunk.len())).ok_or(FlashRefused)?;
-            Wait::after(WORD_TIME * words).await;
+            self.look(at..at.saturating_add(chunk.len())).ok_or(EmulatedFlashError)?;
+            Timer::after(WORD_TIME * words).await;
         }
         Ok(())
     }
@@ -228,20 +229,20 @@ impl KeySource for HostKey {
 }
 
 /// The stamping timer, and with it the exchange.
-pub struct Timer<F> {
+pub struct EmulatedTimer<F> {
     tick: u32,
     asks: Vec<[u8; 3], CHANNELS>,
     tell: F,
 }
 
-impl<F: FnMut(&mut ToHost)> Timer<F> {
+impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
     /// A timer that asks the converter for `asks` each time, and lets `tell` fill in what else the host is told.
     pub fn new(asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
         Self { tick: 0, asks, tell }
     }
 
-    fn exchange(&mut self) -> Option<FromHost> {
-        let mut message = ToHost {
+    fn exchange(&mut self) -> Option<TickReply> {
+        let mut message = TickReport {
             tick: self.tick,
             spi: self.asks.clone(),
             output: None,
@@ -254,7 +255,7 @@ impl<F: FnMut(&mut ToHost)> Timer<F> {
         };
         (self.tell)(&mut message);
         critical_section::with(|cs| {
-            let mut sent = SENT.borrow_ref_mut(cs);
+            let mut sent = TX_QUEUE.borrow_ref_mut(cs);
             while let Some(frame) = sent.pop_front() {
                 if let Err(frame) = message.can.push(frame) {
                     // There is room again: it was taken from there.
@@ -263,11 +264,11 @@ impl<F: FnMut(&mut ToHost)> Timer<F> {
                 }
             }
         });
-        ask(&Said::Tick(message))
+        ask(&FirmwareMessage::Tick(message))
     }
 }
 
-impl<F: FnMut(&mut ToHost)> EdgeTimer for Timer<F> {
+impl<F: FnMut(&mut TickReport)> EdgeTimer for EmulatedTimer<F> {
     fn take(&mut self, pump: &mut Edges, motor: &mut Edges) -> u32 {
         self.tick = self.tick.wrapping_add(1);
         let Some(answer) = self.exchange() else { Exit::HostGone.now() };
@@ -278,7 +279,7 @@ impl<F: FnMut(&mut ToHost)> EdgeTimer for Timer<F> {
             let mut transactions = TRANSACTIONS.borrow_ref_mut(cs);
             transactions.clear();
             transactions.extend(self.asks.iter().copied().zip(answer.spi.iter().copied()));
-            let mut come = COME.borrow_ref_mut(cs);
+            let mut come = RX_QUEUE.borrow_ref_mut(cs);
             for frame in answer.can {
                 // A full queue loses the newest, as a CAN controller's does.
                 come.push_back(frame).ok();
@@ -294,9 +295,9 @@ impl<F: FnMut(&mut ToHost)> EdgeTimer for Timer<F> {
 }
 
 /// The converter's bus and chip select.
-pub struct Spi(());
+pub struct EmulatedSpi(());
 
-impl Spi {
+impl EmulatedSpi {
     /// The bus.
     #[must_use]
     pub const fn new() -> Self {
@@ -304,17 +305,17 @@ impl Spi {
     }
 }
 
-impl Default for Spi {
+impl Default for EmulatedSpi {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl ErrorType for Spi {
+impl ErrorType for EmulatedSpi {
     type Error = ErrorKind;
 }
 
-impl SpiDevice for Spi {
+impl SpiDevice for EmulatedSpi {
     async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
         let [Operation::TransferInPlace(bytes)] = operations else { return Err(ErrorKind::Other) };
         critical_section::with(|cs| {
@@ -328,11 +329,11 @@ impl SpiDevice for Spi {
 }
 
 /// A watchdog that ends the emulation when it is given up, and counts how often it was fed.
-pub struct Dog {
+pub struct EmulatedWatchdog {
     fed: &'static core::sync::atomic::AtomicU32,
 }
 
-impl Dog {
+impl EmulatedWatchdog {
     /// Counts in `fed`.
     #[must_use]
     pub const fn new(fed: &'static core::sync::atomic::AtomicU32) -> Self {
@@ -340,7 +341,7 @@ impl Dog {
     }
 }
 
-impl Watchdog for Dog {
+impl Watchdog for EmulatedWatchdog {
     fn feed(&mut self) {
         use core::sync::atomic::Ordering::Relaxed;
         self.fed.store(self.fed.load(Relaxed).wrapping_add(1), Relaxed);

@@ -34,18 +34,18 @@ const DIVIDER: u32 = 16;
 static RECEIVED_BYTES: Pipe<CriticalSectionRawMutex, 1024> = Pipe::new();
 
 /// Receiving half.
-pub struct Receiver(());
+pub struct UartReceiver(());
 
 /// Sending half.
-pub struct Sender(());
+pub struct UartSender(());
 
 /// Starts the UART.
 #[must_use]
-pub fn open() -> (Receiver, Sender) {
+pub fn open() -> (UartReceiver, UartSender) {
     write(UART0 + BAUD_DIVIDER, DIVIDER);
     write(UART0 + CTRL, ENABLE | RECEIVE_INTERRUPT);
     unmask(Interrupt::Uart0Receive);
-    (Receiver(()), Sender(()))
+    (UartReceiver(()), UartSender(()))
 }
 
 /// Interrupt on receipt.
@@ -65,11 +65,11 @@ pub(crate) extern "C" fn on_receive() {
     }
 }
 
-impl ErrorType for Receiver {
+impl ErrorType for UartReceiver {
     type Error = ErrorKind;
 }
 
-impl Read for Receiver {
+impl Read for UartReceiver {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
         let received = RECEIVED_BYTES.read(buffer).await;
         if read(UART0 + CTRL) & RECEIVE_INTERRUPT == 0 {
@@ -81,11 +81,11 @@ impl Read for Receiver {
     }
 }
 
-impl ErrorType for Sender {
+impl ErrorType for UartSender {
     type Error = ErrorKind;
 }
 
-impl Write for Sender {
+impl Write for UartSender {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         for &byte in bytes {
             while read(UART0 + STATE) & SEND_FULL != 0 {

@@ -1,7 +1,7 @@
 //! Consistent overhead byte stuffing (Cheshire and Baker, 1999): takes the zeros out of a frame.
 //!
 //! Each block is a code byte `n` and `n - 1` bytes without zero; a zero follows it in the original unless `n` is 255 or
-//! the frame ends there. [`encode`] writes a whole frame at once. [`Unstuffer`] takes one byte at a time, as a receiver
+//! the frame ends there. [`encode`] writes a whole frame at once. [`CobsDecoder`] takes one byte at a time, as a receiver
 //! gets them, and says what each of them stands for; where the bytes go is its caller's business.
 
 /// Largest number of bytes in one block without its code.
@@ -40,7 +40,7 @@ fn put_block(block: &[u8], out: &mut [u8]) -> Option<usize> {
 
 /// What a byte taken from the line stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unstuffed {
+pub enum CobsEvent {
     /// Nothing by itself: the code of a block behind which no zero was due.
     Nothing,
     /// One byte of the frame.
@@ -55,7 +55,7 @@ pub enum Unstuffed {
 
 /// Takes the stuffing out of a stream of bytes.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Unstuffer {
+pub struct CobsDecoder {
     /// Bytes that are still to come in the present block.
     in_block: u8,
     /// Whether a zero stands between the present block and the next.
@@ -64,8 +64,8 @@ pub struct Unstuffer {
     begun: bool,
 }
 
-impl Unstuffer {
-    /// Unstuffer at the beginning of a frame.
+impl CobsDecoder {
+    /// CobsDecoder at the beginning of a frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { in_block: 0, zero_due: false, begun: false }
@@ -73,12 +73,12 @@ impl Unstuffer {
 
     /// Takes the next byte from the line.
     #[inline]
-    pub fn push(&mut self, byte: u8) -> Unstuffed {
+    pub fn push(&mut self, byte: u8) -> CobsEvent {
         if byte == 0 {
             let end = match (self.begun, self.in_block) {
-                (false, _) => Unstuffed::Empty,
-                (true, 0) => Unstuffed::End,
-                (true, _) => Unstuffed::Cut,
+                (false, _) => CobsEvent::Empty,
+                (true, 0) => CobsEvent::End,
+                (true, _) => CobsEvent::Cut,
             };
             *self = Self::new();
             return end;
@@ -86,12 +86,12 @@ impl Unstuffer {
         self.begun = true;
         if let Some(left) = self.in_block.checked_sub(1) {
             self.in_block = left;
-            return Unstuffed::Byte(byte);
+            return CobsEvent::Byte(byte);
         }
         let zero_before = self.zero_due;
         self.in_block = byte.wrapping_sub(1);
         self.zero_due = byte != u8::MAX;
-        if zero_before { Unstuffed::Byte(0) } else { Unstuffed::Nothing }
+        if zero_before { CobsEvent::Byte(0) } else { CobsEvent::Nothing }
     }
 }
 
@@ -109,13 +109,13 @@ mod tests {
         out
     }
 
-    fn unstuff(stuffed: &[u8]) -> (Vec<u8>, Unstuffed) {
-        let mut unstuffer = Unstuffer::new();
+    fn unstuff(stuffed: &[u8]) -> (Vec<u8>, CobsEvent) {
+        let mut decoder = CobsDecoder::new();
         let mut plain = Vec::new();
         for &byte in stuffed.iter().chain(&[0]) {
-            match unstuffer.push(byte) {
-                Unstuffed::Nothing => {}
-                Unstuffed::Byte(byte) => plain.push(byte),
+            match decoder.push(byte) {
+                CobsEvent::Nothing => {}
+                CobsEvent::Byte(byte) => plain.push(byte),
                 end => return (plain, end),
             }
         }
@@ -149,7 +149,7 @@ mod tests {
             let plain: Vec<u8> = runs.iter().flat_map(|&(byte, len)| vec![byte % 3; len]).collect();
             let stuffed = stuff(&plain);
             prop_assert!(!stuffed.contains(&0));
-            prop_assert_eq!(unstuff(&stuffed), (plain.clone(), Unstuffed::End));
+            prop_assert_eq!(unstuff(&stuffed), (plain.clone(), CobsEvent::End));
             prop_assert_eq!(&::cobs::decode_vec(&stuffed).unwrap(), &plain);
             prop_assert_eq!(unstuff(&::cobs::encode_vec(&plain)).0, plain);
         }

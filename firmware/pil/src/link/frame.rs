@@ -9,7 +9,7 @@ use core::fmt;
 use kou_estimator::calibration::record::crc32;
 use serde::{Deserialize, Serialize};
 
-use super::cobs::{self, Unstuffed, Unstuffer};
+use super::cobs::{self, CobsDecoder, CobsEvent};
 use super::sizes::{CRC_LEN, MAX_BODY};
 
 /// What is wrong with a frame. On the wire by position: append only.
@@ -97,7 +97,7 @@ pub fn encode<const BODY: usize>(message: &impl Serialize, out: &mut [u8]) -> Re
 pub struct FrameDecoder<const N: usize = MAX_BODY> {
     buffer: [u8; N],
     len: usize,
-    unstuffer: Unstuffer,
+    decoder: CobsDecoder,
     too_long: bool,
 }
 
@@ -111,15 +111,15 @@ impl<const N: usize> FrameDecoder<N> {
     /// Receiver at the beginning of a frame.
     #[must_use]
     pub const fn new() -> Self {
-        Self { buffer: [0; N], len: 0, unstuffer: Unstuffer::new(), too_long: false }
+        Self { buffer: [0; N], len: 0, decoder: CobsDecoder::new(), too_long: false }
     }
 
     /// Takes one byte from the line; at the end of a frame yields its payload or what is wrong with it.
     #[inline]
     pub fn push(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
-        match self.unstuffer.push(byte) {
-            Unstuffed::Nothing | Unstuffed::Empty => None,
-            Unstuffed::Byte(byte) => {
+        match self.decoder.push(byte) {
+            CobsEvent::Nothing | CobsEvent::Empty => None,
+            CobsEvent::Byte(byte) => {
                 match self.buffer.get_mut(self.len) {
                     Some(slot) => {
                         *slot = byte;
@@ -129,8 +129,8 @@ impl<const N: usize> FrameDecoder<N> {
                 }
                 None
             }
-            Unstuffed::End => Some(self.finish(false)),
-            Unstuffed::Cut => Some(self.finish(true)),
+            CobsEvent::End => Some(self.finish(false)),
+            CobsEvent::Cut => Some(self.finish(true)),
         }
     }
 

@@ -48,7 +48,7 @@ pub enum Response<S> {
         crc: u32,
     },
     /// The calibration is not in use; the one before it, if any, still is.
-    CalibrationRefused(Refusal<S>),
+    CalibrationRejected(CalibrationRejection<S>),
     /// The estimate for one sample.
     Estimate(Estimate),
     /// Counters and the like.
@@ -98,7 +98,7 @@ impl fmt::Display for ErrorKind {
 
 /// Why a calibration is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Refusal<S> {
+pub enum CalibrationRejection<S> {
     /// The record cannot be read.
     Record(RecordError),
     /// A field of it is wrong.
@@ -128,7 +128,7 @@ pub enum FieldProblem<S> {
     Inconsistent(S),
 }
 
-impl From<CalibrationError> for Refusal<&'static str> {
+impl From<CalibrationError> for CalibrationRejection<&'static str> {
     fn from(error: CalibrationError) -> Self {
         let problem = match error.problem {
             Problem::NotFinite => FieldProblem::NotFinite,
@@ -139,13 +139,13 @@ impl From<CalibrationError> for Refusal<&'static str> {
     }
 }
 
-impl<S> From<RecordError> for Refusal<S> {
+impl<S> From<RecordError> for CalibrationRejection<S> {
     fn from(error: RecordError) -> Self {
         Self::Record(error)
     }
 }
 
-impl<S: fmt::Display> fmt::Display for Refusal<S> {
+impl<S: fmt::Display> fmt::Display for CalibrationRejection<S> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Record(error) => error.fmt(f),
@@ -170,12 +170,12 @@ pub struct Status {
     /// CRC-32 of the calibration record in use, if any.
     pub calibration: Option<u32>,
     /// What has happened so far.
-    pub counts: Counts,
+    pub counts: LinkCounts,
 }
 
 /// What has happened since start. Each count stays at its maximum instead of wrapping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Counts {
+pub struct LinkCounts {
     /// Frames that held a request, this one included.
     pub frames_ok: u32,
     /// Frames refused as [`FrameError::TooLong`].
@@ -197,19 +197,19 @@ pub struct Counts {
     /// Estimates of which both parts were valid.
     pub estimates_valid: u32,
     /// Estimates of which a part was refused.
-    pub estimates_refused: u32,
+    pub estimates_rejected: u32,
     /// Calibrations taken into use.
     pub calibrations_accepted: u32,
     /// Calibrations refused.
-    pub calibrations_refused: u32,
+    pub calibrations_rejected: u32,
     /// Beats of the heartbeat task.
     pub heartbeats: u32,
 }
 
-impl Counts {
+impl LinkCounts {
     /// Frames refused, of every kind together.
     #[must_use]
-    pub fn frames_refused(&self) -> u32 {
+    pub fn frames_rejected(&self) -> u32 {
         [
             self.frames_too_long,
             self.frames_too_short,

@@ -14,7 +14,7 @@ mod tests;
 
 pub use frame::{EncodeError, FrameDecoder, FrameError, encode};
 pub use message::{
-    Counts, ErrorKind, FieldProblem, Hello, PROTOCOL, Refusal, Request, Response, Status, decode_request,
-    decode_response,
+    CalibrationRejection, ErrorKind, FieldProblem, Hello, LinkCounts, PROTOCOL, Request, Response, Status,
+    decode_request, decode_response,
 };
 pub use sizes::{CRC_LEN, MAX_BODY, MAX_FRAME, MAX_PAYLOAD, MAX_RESPONSE_FRAME, MAX_RESPONSE_PAYLOAD};

@@ -195,9 +195,10 @@ fn the_largest_messages_fit_their_frames() {
     assert!(request_frame(&Request::LoadCalibration(&record)).len() <= MAX_FRAME);
     let mut out = [0; MAX_RESPONSE_FRAME];
     let text = |len| core::str::from_utf8(&[b'x'; 128][..len]).map(std::string::String::from).unwrap();
-    let refusal = Refusal::Field { field: text(48), problem: FieldProblem::Inconsistent(text(128)) };
+    let refusal =
+        CalibrationRejection::Field { field: text(48), problem: FieldProblem::Inconsistent(text(128)) };
     let full = u32::MAX;
-    let counts = Counts {
+    let counts = LinkCounts {
         frames_ok: full,
         frames_too_long: full,
         frames_too_short: full,
@@ -208,17 +209,17 @@ fn the_largest_messages_fit_their_frames() {
         samples: full,
         samples_without_calibration: full,
         estimates_valid: full,
-        estimates_refused: full,
+        estimates_rejected: full,
         calibrations_accepted: full,
-        calibrations_refused: full,
+        calibrations_rejected: full,
         heartbeats: full,
     };
     let status =
         Status { uptime_us: u64::MAX, stack_high_water_bytes: full, calibration: Some(full), counts };
-    for response in [Response::CalibrationRefused(refusal), Response::Status(status)] {
+    for response in [Response::CalibrationRejected(refusal), Response::Status(status)] {
         encode::<{ MAX_RESPONSE_PAYLOAD + CRC_LEN }>(&response, &mut out).unwrap();
     }
-    assert_eq!(counts.frames_refused(), full, "the sum does not wrap");
+    assert_eq!(counts.frames_rejected(), full, "the sum does not wrap");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::link::{Counts, FrameError};
+use crate::link::{FrameError, LinkCounts};
 
 /// A count that stays at its maximum instead of wrapping.
 #[derive(Debug)]
@@ -27,9 +27,9 @@ impl Counter {
     }
 }
 
-/// All counters; [`Counts`] says what each of them counts.
+/// All counters; [`LinkCounts`] says what each of them counts.
 #[derive(Debug)]
-#[allow(missing_docs, reason = "the fields are those of `Counts`, described there")]
+#[allow(missing_docs, reason = "the fields are those of `LinkCounts`, described there")]
 pub struct Counters {
     pub frames_ok: Counter,
     pub frames_too_long: Counter,
@@ -41,9 +41,9 @@ pub struct Counters {
     pub samples: Counter,
     pub samples_without_calibration: Counter,
     pub estimates_valid: Counter,
-    pub estimates_refused: Counter,
+    pub estimates_rejected: Counter,
     pub calibrations_accepted: Counter,
-    pub calibrations_refused: Counter,
+    pub calibrations_rejected: Counter,
     pub heartbeats: Counter,
 }
 
@@ -62,9 +62,9 @@ impl Counters {
             samples: Counter::new(),
             samples_without_calibration: Counter::new(),
             estimates_valid: Counter::new(),
-            estimates_refused: Counter::new(),
+            estimates_rejected: Counter::new(),
             calibrations_accepted: Counter::new(),
-            calibrations_refused: Counter::new(),
+            calibrations_rejected: Counter::new(),
             heartbeats: Counter::new(),
         }
     }
@@ -84,8 +84,8 @@ impl Counters {
 
     /// All counts as they stand now.
     #[must_use]
-    pub fn read(&self) -> Counts {
-        Counts {
+    pub fn read(&self) -> LinkCounts {
+        LinkCounts {
             frames_ok: self.frames_ok.get(),
             frames_too_long: self.frames_too_long.get(),
             frames_too_short: self.frames_too_short.get(),
@@ -96,9 +96,9 @@ impl Counters {
             samples: self.samples.get(),
             samples_without_calibration: self.samples_without_calibration.get(),
             estimates_valid: self.estimates_valid.get(),
-            estimates_refused: self.estimates_refused.get(),
+            estimates_rejected: self.estimates_rejected.get(),
             calibrations_accepted: self.calibrations_accepted.get(),
-            calibrations_refused: self.calibrations_refused.get(),
+            calibrations_rejected: self.calibrations_rejected.get(),
             heartbeats: self.heartbeats.get(),
         }
     }

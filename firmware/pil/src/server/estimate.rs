@@ -5,7 +5,7 @@ use kou_estimator::calibration::record;
 use kou_estimator::{Params, Sample, State, step};
 
 use super::board::Board;
-use super::channels::{Answer, Bus, Command};
+use super::channels::{ServerChannels, ServerCommand, ServerResponse};
 use crate::link::{ErrorKind, Hello, PROTOCOL, Response, Status};
 use crate::log::log;
 
@@ -17,39 +17,43 @@ struct Active {
 }
 
 /// Answers commands for ever.
-pub async fn run_estimate<M: RawMutex, B: Board>(bus: &Bus<M>, board: &B) -> ! {
+pub async fn run_estimate<M: RawMutex, B: Board>(bus: &ServerChannels<M>, board: &B) -> ! {
     let mut active: Option<Active> = None;
     loop {
         let answer = match bus.commands.receive().await {
-            Command::Hello => Response::Hello(Hello {
+            ServerCommand::Hello => Response::Hello(Hello {
                 protocol: PROTOCOL,
                 record_schema: record::SCHEMA,
                 version: env!("CARGO_PKG_VERSION"),
                 board: B::NAME,
             }),
-            Command::Adopt { crc } => {
+            ServerCommand::Adopt { crc } => {
                 let params = bus.candidate.receive().await;
                 // Swapped between two samples, whole. The state belongs to the old calibration and goes with it.
                 active = Some(Active { crc, params, state: State::new() });
                 log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
-            Command::Refuse(refusal) => Response::CalibrationRefused(refusal),
-            Command::Sample(sample) => estimate(bus, active.as_mut(), &sample),
-            Command::Status => Response::Status(Status {
+            ServerCommand::Reject(refusal) => Response::CalibrationRejected(refusal),
+            ServerCommand::Sample(sample) => estimate(bus, active.as_mut(), &sample),
+            ServerCommand::Status => Response::Status(Status {
                 uptime_us: board.uptime_us(),
                 stack_high_water_bytes: board.stack_high_water_bytes(),
                 calibration: active.as_ref().map(|active| active.crc),
                 counts: bus.counters.read(),
             }),
-            Command::Complain(kind) => Response::Error(kind),
-            Command::Shutdown => Response::ShuttingDown,
+            ServerCommand::ReportError(kind) => Response::Error(kind),
+            ServerCommand::Shutdown => Response::ShuttingDown,
         };
         bus.responses.send(answer).await;
     }
 }
 
-fn estimate<M: RawMutex>(bus: &Bus<M>, active: Option<&mut Active>, sample: &Sample) -> Answer {
+fn estimate<M: RawMutex>(
+    bus: &ServerChannels<M>,
+    active: Option<&mut Active>,
+    sample: &Sample,
+) -> ServerResponse {
     let Some(active) = active else {
         bus.counters.samples_without_calibration.raise();
         return Response::Error(ErrorKind::NoCalibration);
@@ -58,7 +62,7 @@ fn estimate<M: RawMutex>(bus: &Bus<M>, active: Option<&mut Active>, sample: &Sam
     if estimate.expected.is_ok() && estimate.seen.is_ok() {
         bus.counters.estimates_valid.raise();
     } else {
-        bus.counters.estimates_refused.raise();
+        bus.counters.estimates_rejected.raise();
     }
     Response::Estimate(estimate)
 }

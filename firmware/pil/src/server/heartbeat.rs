@@ -3,8 +3,8 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
-use super::channels::Bus;
-use crate::link::Counts;
+use super::channels::ServerChannels;
+use crate::link::LinkCounts;
 use crate::log::log;
 
 /// What the link is doing, as seen from one beat to the next.
@@ -20,7 +20,7 @@ enum Activity {
 }
 
 impl Activity {
-    fn between(before: &Counts, now: &Counts) -> Self {
+    fn between(before: &LinkCounts, now: &LinkCounts) -> Self {
         if now.calibrations_accepted == 0 {
             Self::WaitingForCalibration
         } else if now.samples == before.samples {
@@ -32,7 +32,7 @@ impl Activity {
 }
 
 /// Beats for ever.
-pub async fn run_heartbeat<M: RawMutex>(bus: &Bus<M>, period: Duration) -> ! {
+pub async fn run_heartbeat<M: RawMutex>(bus: &ServerChannels<M>, period: Duration) -> ! {
     let mut ticker = Ticker::every(period);
     let mut before = bus.counters.read();
     let mut activity = None;
@@ -45,7 +45,7 @@ pub async fn run_heartbeat<M: RawMutex>(bus: &Bus<M>, period: Duration) -> ! {
             log!(info, "link: {}, {=u32} samples so far", present, now.samples);
             activity = Some(present);
         }
-        let (refused, refused_before) = (now.frames_refused(), before.frames_refused());
+        let (refused, refused_before) = (now.frames_rejected(), before.frames_rejected());
         if refused != refused_before {
             log!(warn, "frames refused: {=u32} since the last beat", refused.saturating_sub(refused_before));
         }

@@ -8,13 +8,17 @@ use embedded_io_async::Read;
 use kou_estimator::Params;
 use kou_estimator::calibration::record;
 
-use super::channels::{Bus, Command};
+use super::channels::{ServerChannels, ServerCommand};
 use super::link_end::LinkEnd;
-use crate::link::{ErrorKind, FrameDecoder, FrameError, Refusal, Request, decode_request};
+use crate::link::{CalibrationRejection, ErrorKind, FrameDecoder, FrameError, Request, decode_request};
 use crate::log::log;
 
 /// Reads requests until the line ends. `chunk` is the buffer of one read.
-pub async fn run_link_in<M: RawMutex>(bus: &Bus<M>, line: &mut impl Read, chunk: &mut [u8]) -> LinkEnd {
+pub async fn run_link_in<M: RawMutex>(
+    bus: &ServerChannels<M>,
+    line: &mut impl Read,
+    chunk: &mut [u8],
+) -> LinkEnd {
     let mut decoder = FrameDecoder::<{ crate::link::MAX_BODY }>::new();
     loop {
         let received = match line.read(chunk).await {
@@ -33,7 +37,10 @@ pub async fn run_link_in<M: RawMutex>(bus: &Bus<M>, line: &mut impl Read, chunk:
 }
 
 /// Turns a request, or what was none, into a command.
-async fn command<M: RawMutex>(bus: &Bus<M>, request: Result<Request<'_>, FrameError>) -> Command {
+async fn command<M: RawMutex>(
+    bus: &ServerChannels<M>,
+    request: Result<Request<'_>, FrameError>,
+) -> ServerCommand {
     let request = match request {
         Ok(request) => {
             bus.counters.frames_ok.raise();
@@ -41,36 +48,36 @@ async fn command<M: RawMutex>(bus: &Bus<M>, request: Result<Request<'_>, FrameEr
         }
         Err(error) => {
             bus.counters.of(error).raise();
-            return Command::Complain(ErrorKind::Frame(error));
+            return ServerCommand::ReportError(ErrorKind::Frame(error));
         }
     };
     match request {
-        Request::Hello => Command::Hello,
+        Request::Hello => ServerCommand::Hello,
         Request::LoadCalibration(bytes) => match read_calibration(bytes) {
             Ok((params, crc)) => {
                 bus.counters.calibrations_accepted.raise();
                 bus.candidate.send(params).await;
-                Command::Adopt { crc }
+                ServerCommand::Adopt { crc }
             }
             Err(refusal) => {
-                bus.counters.calibrations_refused.raise();
+                bus.counters.calibrations_rejected.raise();
                 log!(warn, "calibration refused");
-                Command::Refuse(refusal)
+                ServerCommand::Reject(refusal)
             }
         },
         Request::Sample(sample) => {
             bus.counters.samples.raise();
-            Command::Sample(sample)
+            ServerCommand::Sample(sample)
         }
-        Request::Status => Command::Status,
-        Request::Shutdown => Command::Shutdown,
+        Request::Status => ServerCommand::Status,
+        Request::Shutdown => ServerCommand::Shutdown,
     }
 }
 
 /// Parameters of a record that is whole and whose every field passes its check, with the record's CRC-32.
 // Not inlined: its temporaries are large, and inlined they would live in the task for good.
 #[inline(never)]
-fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), Refusal<&'static str>> {
+fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), CalibrationRejection<&'static str>> {
     let calibration = record::decode(bytes)?;
     let params = Params::new(&calibration)?;
     let crc = bytes.last_chunk().map_or(0, |crc| u32::from_le_bytes(*crc));

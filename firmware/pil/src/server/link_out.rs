@@ -6,7 +6,7 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Write;
 
-use super::channels::{Bus, QUEUE_LEN};
+use super::channels::{QUEUE_LEN, ServerChannels};
 use super::link_end::LinkEnd;
 use crate::link::{CRC_LEN, MAX_RESPONSE_FRAME, MAX_RESPONSE_PAYLOAD, Response, encode};
 
@@ -15,7 +15,7 @@ const BATCH_LEN: usize = 64 * QUEUE_LEN + MAX_RESPONSE_FRAME;
 const BODY: usize = MAX_RESPONSE_PAYLOAD + CRC_LEN;
 
 /// Writes responses until the host asked for the end or the line fails.
-pub async fn run_link_out<M: RawMutex>(bus: &Bus<M>, line: &mut impl Write) -> LinkEnd {
+pub async fn run_link_out<M: RawMutex>(bus: &ServerChannels<M>, line: &mut impl Write) -> LinkEnd {
     let mut batch = [0; BATCH_LEN];
     loop {
         let mut used: usize = 0;

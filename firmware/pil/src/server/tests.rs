@@ -86,7 +86,7 @@ fn frames(requests: &[Request<'_>]) -> Vec<u8> {
 
 /// Everything the firmware answers to `bytes`, read `piece` at a time.
 fn answers(bytes: &[u8], piece: usize, blocking: bool) -> Vec<Response<std::string::String>> {
-    let bus = Bus::<NoopRawMutex>::new();
+    let bus = ServerChannels::<NoopRawMutex>::new();
     let mut written = Written::default();
     let in_flight = blocking.then_some(&bus.in_flight);
     let mut line = Memory { bytes, piece, in_flight };
@@ -150,19 +150,19 @@ fn a_record_that_is_none_is_refused_and_counted() {
     let requests =
         [Request::LoadCalibration(b"KOUC nonsense"), Request::LoadCalibration(&[]), Request::Status];
     let answers = answers(&frames(&requests), 64, true);
-    let [Response::CalibrationRefused(_), Response::CalibrationRefused(_), Response::Status(status)] =
+    let [Response::CalibrationRejected(_), Response::CalibrationRejected(_), Response::Status(status)] =
         answers.as_slice()
     else {
         panic!("{answers:?}");
     };
-    assert_eq!((status.counts.calibrations_refused, status.counts.frames_ok), (2, 3));
+    assert_eq!((status.counts.calibrations_rejected, status.counts.frames_ok), (2, 3));
     assert_eq!((status.stack_high_water_bytes, status.uptime_us), (1234, 5678));
     assert_eq!(status.calibration, None);
 }
 
 #[test]
 fn shutdown_is_answered_before_the_link_ends() {
-    let bus = Bus::<NoopRawMutex>::new();
+    let bus = ServerChannels::<NoopRawMutex>::new();
     let mut written = Written::default();
     let bytes = frames(&[Request::Shutdown]);
     let mut line = Memory { bytes: &bytes, piece: 64, in_flight: Some(&bus.in_flight) };
@@ -182,14 +182,14 @@ fn shutdown_is_answered_before_the_link_ends() {
 
 fn frames_of_shutting_down() -> Vec<u8> {
     let mut out = vec![0; MAX_FRAME];
-    let len = encode::<MAX_BODY>(&Answer::ShuttingDown, &mut out).unwrap();
+    let len = encode::<MAX_BODY>(&ServerResponse::ShuttingDown, &mut out).unwrap();
     out.truncate(len);
     out
 }
 
 #[test]
 fn the_heart_beats_as_time_passes_and_not_otherwise() {
-    let bus = Bus::<NoopRawMutex>::new();
+    let bus = ServerChannels::<NoopRawMutex>::new();
     let clock = MockDriver::get();
     let mut heartbeat = pin!(run_heartbeat(&bus, Duration::from_millis(100)));
     assert!(poll_once(heartbeat.as_mut()).is_pending());

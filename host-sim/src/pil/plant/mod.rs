@@ -22,9 +22,9 @@ mod verdict;
 
 use std::time::Instant;
 
-use kou_app::controller::VitalsRead;
+use kou_app::controller::TaskStatsSnapshot;
 use kou_app::diagnostics::ResetCause;
-use kou_emulation::{Begin, FromHost, Order};
+use kou_emulation::{EmulationStart, Order, TickReply};
 use kou_estimator::Calibration;
 use serde::Serialize;
 
@@ -118,7 +118,7 @@ pub fn run(
     mut progress: impl FnMut(u64),
 ) -> Result<LoopReport, LoopError> {
     let mut run = Run::new(machine, calibration, scenario)?;
-    let begin = Begin {
+    let begin = EmulationStart {
         default: record,
         key: Some(key_of(scenario)),
         cause: ResetCause::PowerOn,
@@ -131,7 +131,8 @@ pub fn run(
     let milliseconds = (scenario.duration_s * 1000.0).round() as u64;
     for ms in 1..=milliseconds {
         if rig.is_none() && ms >= back_ms {
-            rig = Some(Rig::start(options, &Begin { cause: ResetCause::BrownOut, ..begin.clone() })?);
+            rig =
+                Some(Rig::start(options, &EmulationStart { cause: ResetCause::BrownOut, ..begin.clone() })?);
         }
         let time_s = ms as f64 * 1e-3;
         if let Some(off_s) = run.millisecond(time_s, &scenario.command(time_s), rig.as_mut())? {
@@ -160,7 +161,7 @@ struct Run {
     outages: Outages,
     law: LawWatch,
     /// Of the present run of the firmware, and missed deadlines of those before.
-    last: ([VitalsRead; 5], u32),
+    last: ([TaskStatsSnapshot; 5], u32),
     missed_before: u64,
 }
 
@@ -217,7 +218,7 @@ impl Run {
             // On a bus that others fill the tool must wait as anybody must; it then falls silent.
             can.push(frame).ok();
         }
-        rig.send(&FromHost {
+        rig.send(&TickReply {
             spi: asked.spi.iter().map(|request| signals.answer(*request)).collect(),
             count: signals.count,
             pump: signals.pump,

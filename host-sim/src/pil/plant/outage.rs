@@ -1,8 +1,8 @@
 //! Outages of the supply: when they come, and whether what was kept is all there afterwards.
 
 use kou_app::controller::NoEstimate;
-use kou_app::diagnostics::{Code, FaultMemory};
-use kou_app::storage::Kind;
+use kou_app::diagnostics::{FaultCode, FaultMemory};
+use kou_app::storage::RecordKind;
 use kou_estimator::calibration::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
@@ -70,8 +70,8 @@ pub struct Outages {
     powered_s: f64,
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
-    Kind::ALL.into_iter().find(|kind| kind.name() == name)
+fn kind_of(name: &str) -> Option<RecordKind> {
+    RecordKind::ALL.into_iter().find(|kind| kind.name() == name)
 }
 
 impl Outages {
@@ -238,7 +238,8 @@ impl Outage {
         lost("hours invented", f64::from(lives[1].operating_s) > powered_s);
         lost(
             "a start not counted",
-            lives[1].starts != lives[0].starts + 1 || lives[1].unasked != lives[0].unasked + 1,
+            lives[1].starts != lives[0].starts + 1
+                || lives[1].unplanned_resets != lives[0].unplanned_resets + 1,
         );
         let none = FaultMemory::new();
         let (old, new) = (before.faults.as_ref().unwrap_or(&none), after.faults.as_ref().unwrap_or(&none));
@@ -247,7 +248,7 @@ impl Outage {
             let is_kept = kept.is_some_and(|k| k.occurrences >= entry.occurrences && k.first == entry.first);
             lost(&format!("trouble {:?}", entry.code()), !is_kept);
         }
-        lost("the brown-out itself", new.get(Code::BrownOut).is_none());
+        lost("the brown-out itself", new.get(FaultCode::BrownOut).is_none());
         lost("calibration", before.calibration.is_some() && after.calibration.is_none());
         lost("update counter", before.counter > after.counter);
         lost("learned health", before.health.is_some() && after.health.is_none());

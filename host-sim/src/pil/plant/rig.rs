@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use kou_emulation::{Begin, FlashDone, FromHost, MAX_LEN, Order, Said, ToHost, pack, unpack};
+use kou_emulation::{
+    EmulationStart, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack,
+};
 use tempfile::TempDir;
 
 use super::super::qemu::Qemu;
@@ -22,7 +24,7 @@ const GLANCE: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub enum Heard {
     /// Its next millisecond.
-    Tick(ToHost),
+    Tick(TickReport),
     /// Nothing more: its supply has failed in the middle of a write to flash.
     NoPower,
 }
@@ -44,7 +46,7 @@ impl Rig {
     ///
     /// # Errors
     /// When QEMU or the firmware is missing or does not start.
-    pub fn start(options: &PilOptions, begin: &Begin<'_>) -> Result<Self, PilError> {
+    pub fn start(options: &PilOptions, begin: &EmulationStart<'_>) -> Result<Self, PilError> {
         let doing = PilError::system;
         let directory = tempfile::Builder::new()
             .prefix("kou-rig-")
@@ -85,8 +87,8 @@ impl Rig {
     pub fn receive(&mut self, flash: &mut Flash) -> Result<Heard, PilError> {
         loop {
             match self.said()? {
-                Said::Tick(message) => return Ok(Heard::Tick(message)),
-                Said::Flash { of, work } => match flash.work(of, &work) {
+                FirmwareMessage::Tick(message) => return Ok(Heard::Tick(message)),
+                FirmwareMessage::Flash { of, work } => match flash.work(of, &work) {
                     Done::Answer(answer) => self.answer::<FlashDone>(&answer)?,
                     Done::NoPower => {
                         self.qemu.kill();
@@ -97,7 +99,7 @@ impl Rig {
         }
     }
 
-    fn said(&mut self) -> Result<Said, PilError> {
+    fn said(&mut self) -> Result<FirmwareMessage, PilError> {
         let start = Instant::now();
         loop {
             if let Some((message, used)) = unpack(&self.pending) {
@@ -123,7 +125,7 @@ impl Rig {
     ///
     /// # Errors
     /// When the firmware has ended.
-    pub fn send(&mut self, message: &FromHost) -> Result<(), PilError> {
+    pub fn send(&mut self, message: &TickReply) -> Result<(), PilError> {
         self.answer(message)
     }
 
@@ -138,12 +140,12 @@ impl Rig {
     /// # Errors
     /// When it does not end as it was told.
     pub fn stop(mut self, flash: &mut Flash) -> Result<(), PilError> {
-        while !matches!(self.said()?, Said::Tick(_)) {
+        while !matches!(self.said()?, FirmwareMessage::Tick(_)) {
             // The run is over: what it was about to write is not judged any more, but must not be cut either.
             flash.power_on();
             self.answer::<FlashDone>(&None)?;
         }
-        self.send(&FromHost {
+        self.send(&TickReply {
             spi: heapless::Vec::new(),
             count: 0,
             pump: heapless::Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use kou_app::storage::Kind as RecordKind;
+use kou_app::storage::RecordKind;
 use serde::Deserialize;
 
 use crate::input::{InputError, Range, TomlFile};

@@ -2,8 +2,8 @@
 
 use kou_app::j1939::catalogue::UPDATE_COMMAND;
 use kou_app::j1939::{Frame, Id};
-use kou_app::update::wire::Answer;
-use kou_app::update::{Key, Transfer};
+use kou_app::update::wire::UpdateAnswer;
+use kou_app::update::{Key, UpdateTransfer};
 use kou_emulation::CanFrame;
 use kou_estimator::calibration::record;
 use kou_estimator::{Calibration, Params};
@@ -36,7 +36,7 @@ pub struct UpdateFinding {
 
 struct Transaction {
     update: Update,
-    transfer: Transfer,
+    transfer: UpdateTransfer,
     params: Option<Params>,
     sent: usize,
     sent_ms: u64,
@@ -79,8 +79,8 @@ impl Tool {
                 key.reverse();
             }
             let bytes = buffer.get(..length).unwrap_or_default();
-            let transfer =
-                Transfer::new(bytes, update.counter, &Key::new(key)).map_err(|e| error(e.to_string()))?;
+            let transfer = UpdateTransfer::new(bytes, update.counter, &Key::new(key))
+                .map_err(|e| error(e.to_string()))?;
             Ok(Transaction {
                 update: update.clone(),
                 transfer,
@@ -102,7 +102,7 @@ impl Tool {
             let id = Id::from_raw(*id);
             self.controller = Some(id.source());
             if id.pgn() == UPDATE_COMMAND.pgn && id.destination() == TOOL {
-                answer = data.as_slice().try_into().ok().and_then(Answer::from_bytes);
+                answer = data.as_slice().try_into().ok().and_then(UpdateAnswer::from_bytes);
             }
         }
         let (ms, controller) = (self.ms, self.controller?);
@@ -112,8 +112,8 @@ impl Tool {
         }
         let begun_ms = *under_way.begun_ms.get_or_insert(ms);
         let ended = match answer {
-            Some(Answer::Committed { .. }) => Some("committed".to_owned()),
-            Some(Answer::Refused { why, .. }) => Some(why.name().to_owned()),
+            Some(UpdateAnswer::Committed { .. }) => Some("committed".to_owned()),
+            Some(UpdateAnswer::Refused { why, .. }) => Some(why.name().to_owned()),
             None if under_way.sent > 0 && ms - under_way.sent_ms > PATIENCE_MS => Some("silence".to_owned()),
             None if under_way.sent > 0 => return None,
             _ => None,

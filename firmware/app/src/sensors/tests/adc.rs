@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
 
-use crate::sensors::adc::{Adc, Counts, Input, Mcp3208, NoCounts};
+use crate::sensors::adc::{Adc, AdcCounts, ConversionError, Input, Mcp3208};
 
 /// One transaction: bytes out, bytes in, between select and release.
 fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
@@ -14,7 +14,7 @@ fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
     ]
 }
 
-fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<Counts, NoCounts> {
+fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<AdcCounts, ConversionError> {
     let mock = Mock::new(&exchange(out, back));
     let mut adc = Mcp3208::new(mock);
     let conversion = block_on(adc.convert(Input::new(input).unwrap()));
@@ -36,7 +36,7 @@ fn each_input_is_asked_for_as_the_data_sheet_says() {
         [0x07, 0xC0, 0x00],
     ];
     for (input, bytes) in (0..).zip(asked) {
-        assert_eq!(convert(bytes, [0, 0x0A, 0xBC], input), Ok(Counts::new(0xABC).unwrap()));
+        assert_eq!(convert(bytes, [0, 0x0A, 0xBC], input), Ok(AdcCounts::new(0xABC).unwrap()));
     }
     assert_eq!(Input::new(8), None);
 }
@@ -47,15 +47,15 @@ fn every_count_is_read_whatever_stands_before_the_null_bit() {
         let [high, low] = counts.to_be_bytes();
         for noise in [0x00, 0xE0] {
             let conversion = convert([0x06, 0, 0], [0xFF, high | noise, low], 0);
-            assert_eq!(conversion.map(Counts::get), Ok(counts));
+            assert_eq!(conversion.map(AdcCounts::get), Ok(counts));
         }
     }
-    assert_eq!(Counts::new(4096), None);
+    assert_eq!(AdcCounts::new(4096), None);
 }
 
 #[test]
 fn a_chip_that_does_not_drive_the_line_is_no_value() {
-    assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(NoCounts::NoAnswer));
+    assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(ConversionError::NoAnswer));
 }
 
 #[test]
@@ -79,5 +79,5 @@ fn a_bus_that_fails_is_no_value() {
         }
     }
     let conversion = block_on(Mcp3208::new(Broken).convert(Input::new(0).unwrap()));
-    assert_eq!(conversion, Err(NoCounts::Bus));
+    assert_eq!(conversion, Err(ConversionError::Bus));
 }

@@ -6,7 +6,7 @@ use kou_estimator::Fault;
 use kou_estimator::units::{Megapascal, Micros};
 use proptest::prelude::*;
 
-use crate::sensors::adc::{Counts, NoCounts};
+use crate::sensors::adc::{AdcCounts, ConversionError};
 use crate::sensors::analog::{AnalogConfig, AnalogParams, AnalogState};
 use crate::sensors::debounce::DebounceConfig;
 use crate::sensors::scale::{LinearConfig, Scale};
@@ -30,8 +30,8 @@ const CONFIG: AnalogConfig<Megapascal> = AnalogConfig {
     debounce: DebounceConfig { confirm: 50, heal: 200 },
 };
 
-fn counts(mpa: f64) -> Counts {
-    Counts::new((409.6 + 100.0 * mpa).round() as u16).unwrap()
+fn counts(mpa: f64) -> AdcCounts {
+    AdcCounts::new((409.6 + 100.0 * mpa).round() as u16).unwrap()
 }
 
 struct Bench {
@@ -46,7 +46,7 @@ impl Bench {
         Self { params, state: AnalogState::new(), ms: 0 }
     }
 
-    fn feed(&mut self, conversion: Result<Counts, NoCounts>) -> Result<f32, Fault> {
+    fn feed(&mut self, conversion: Result<AdcCounts, ConversionError>) -> Result<f32, Fault> {
         self.ms += 1;
         self.state.observe(&self.params, Micros(self.ms * 1000), conversion, true);
         self.reading()
@@ -67,7 +67,7 @@ impl Bench {
     /// Milliseconds until the reading first satisfies `until`, while `conversion` is fed.
     fn time_to(
         &mut self,
-        mut conversion: impl FnMut(u64) -> Result<Counts, NoCounts>,
+        mut conversion: impl FnMut(u64) -> Result<AdcCounts, ConversionError>,
         until: impl Fn(Result<f32, Fault>) -> bool,
     ) -> u64 {
         for ms in 1..100_000 {
@@ -97,13 +97,13 @@ fn a_live_signal_is_read_and_filtered() {
 
 #[test]
 fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
-    let just = |count: u16| move |_: u64| Ok(Counts::new(count).unwrap());
-    type Feed = std::boxed::Box<dyn FnMut(u64) -> Result<Counts, NoCounts>>;
+    let just = |count: u16| move |_: u64| Ok(AdcCounts::new(count).unwrap());
+    type Feed = std::boxed::Box<dyn FnMut(u64) -> Result<AdcCounts, ConversionError>>;
     let failures: [(Fault, u64, Feed); 6] = [
         (Fault::Open, 50, std::boxed::Box::new(just(0))),
         (Fault::Short, 50, std::boxed::Box::new(just(4000))),
         (Fault::OutOfRange, 50, std::boxed::Box::new(just(340))),
-        (Fault::Missing, 50, std::boxed::Box::new(|_| Err(NoCounts::NoAnswer))),
+        (Fault::Missing, 50, std::boxed::Box::new(|_| Err(ConversionError::NoAnswer))),
         // 300 ms of one value, then the debounce; the change to it counts as the first of the same.
         (Fault::Stuck, 351, std::boxed::Box::new(move |_| Ok(counts(20.0)))),
         // Noise of 8 MPa at 500 Hz: every other conversion is too far from the accepted ones, so the level rises by
@@ -148,10 +148,10 @@ fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_goo
     bench.run(500, 20.0);
     let good = bench.state.reading::<Megapascal>();
     for _ in 0..49 {
-        bench.feed(Err(NoCounts::Bus)).ok();
+        bench.feed(Err(ConversionError::Bus)).ok();
         assert_eq!(bench.state.reading::<Megapascal>(), good);
     }
-    assert_eq!(bench.feed(Err(NoCounts::Bus)), Err(Fault::Missing));
+    assert_eq!(bench.feed(Err(ConversionError::Bus)), Err(Fault::Missing));
 }
 
 #[test]
@@ -196,7 +196,7 @@ proptest! {
         for (raw, step, live) in feed {
             // Now and then the clock stands or goes back.
             now = if step == 0 { now.saturating_sub(500) } else { now + step };
-            let conversion = raw.and_then(|raw| Counts::new(raw % 5000)).ok_or(NoCounts::Bus);
+            let conversion = raw.and_then(|raw| AdcCounts::new(raw % 5000)).ok_or(ConversionError::Bus);
             bench.state.observe(&bench.params, Micros(now), conversion, live);
             let reading = bench.state.reading::<Megapascal>();
             if let Ok(value) = reading.value {

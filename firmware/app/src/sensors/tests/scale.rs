@@ -4,16 +4,16 @@ use kou_estimator::Fault;
 use kou_estimator::units::{Celsius, Megapascal, Ratio};
 use proptest::prelude::*;
 
-use crate::sensors::adc::Counts;
+use crate::sensors::adc::AdcCounts;
 use crate::sensors::scale::{LinearConfig, Scale, ThermometerConfig};
 
-fn nearest(share: f64) -> Counts {
-    Counts::new((share * 4096.0).round().clamp(0.0, 4095.0) as u16).unwrap()
+fn nearest(share: f64) -> AdcCounts {
+    AdcCounts::new((share * 4096.0).round().clamp(0.0, 4095.0) as u16).unwrap()
 }
 
 /// Largest change of the value from one count to the next about here: what rounding to counts may cost.
-fn per_count<U: crate::sensors::Quantity>(scale: &Scale<U>, counts: Counts) -> f32 {
-    let at = |n: u16| scale.value(Counts::new(n).unwrap()).unwrap().bare();
+fn per_count<U: crate::sensors::SensorUnit>(scale: &Scale<U>, counts: AdcCounts) -> f32 {
+    let at = |n: u16| scale.value(AdcCounts::new(n).unwrap()).unwrap().bare();
     (at(counts.get() + 1) - at(counts.get() - 1)).abs() / 2.0
 }
 
@@ -86,8 +86,8 @@ fn platinum_agrees_with_the_standards_table() {
     let at_ohm = |ohm: f64| scale.value(nearest(ohm / (ohm + 2200.0)));
     assert_eq!(at_ohm(10.0), Err(Fault::Short));
     assert_eq!(at_ohm(5000.0), Err(Fault::Open));
-    assert_eq!(scale.value(Counts::new(0).unwrap()), Err(Fault::Short));
-    assert_eq!(scale.value(Counts::new(4095).unwrap()), Err(Fault::Open));
+    assert_eq!(scale.value(AdcCounts::new(0).unwrap()), Err(Fault::Short));
+    assert_eq!(scale.value(AdcCounts::new(4095).unwrap()), Err(Fault::Open));
 }
 
 #[test]
@@ -101,8 +101,8 @@ fn thermistor_agrees_with_its_law_and_names_both_ends() {
         let allowed = 0.5 * per_count(&scale, counts) + 0.01;
         assert!((f64::from(value) - t_c).abs() < f64::from(allowed), "{t_c}: {value}, {allowed}");
     }
-    assert_eq!(scale.value(Counts::new(0).unwrap()), Err(Fault::Short));
-    assert_eq!(scale.value(Counts::new(4095).unwrap()), Err(Fault::Open));
+    assert_eq!(scale.value(AdcCounts::new(0).unwrap()), Err(Fault::Short));
+    assert_eq!(scale.value(AdcCounts::new(4095).unwrap()), Err(Fault::Open));
 }
 
 #[test]
@@ -134,7 +134,7 @@ proptest! {
         ohm_at_25_c in 100.0..1e6_f32,
         beta_k in 2000.0..6000.0_f32,
     ) {
-        let counts = Counts::new(counts).unwrap();
+        let counts = AdcCounts::new(counts).unwrap();
         let ntc = ThermometerConfig::Ntc { pull_up_ohm, ohm_at_25_c, beta_k };
         for config in [ntc, ThermometerConfig::Pt1000 { pull_up_ohm }] {
             let value: Result<Celsius, Fault> = Scale::temperature(&config).unwrap().value(counts);
@@ -157,7 +157,7 @@ proptest! {
         let scale = Scale::pressure(&config).unwrap();
         let mut last = f32::NEG_INFINITY;
         for counts in 0..4096 {
-            if let Ok(value) = scale.value(Counts::new(counts).unwrap()) {
+            if let Ok(value) = scale.value(AdcCounts::new(counts).unwrap()) {
                 prop_assert!(value.get() > last);
                 last = value.get();
             }

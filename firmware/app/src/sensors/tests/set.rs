@@ -4,8 +4,8 @@ use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Fault, Reading, Sample};
 
 use super::wheel::Wheel;
-use crate::sensors::adc::Counts;
-use crate::sensors::set::{Inputs, SensorsParams, SensorsState};
+use crate::sensors::adc::AdcCounts;
+use crate::sensors::set::{SensorInputs, SensorsParams, SensorsState};
 use crate::sensors::wiring;
 
 /// A drive as its sensors should see it.
@@ -49,14 +49,15 @@ impl Bench {
         let mut sample = Sample::empty(Micros(0));
         for _ in 0..ms {
             self.ms += 1;
-            let mut inputs = Inputs::new();
+            let mut inputs = SensorInputs::new();
             let noise = 0.0005 * ((self.ms % 3) as f64 - 1.0);
             let line = |mpa: f64| (4.0 + 16.0 * mpa / 60.0) * 1e-3 * 150.0 / 3.3;
             let ohm = 1000.0 * (1.0 + 3.9083e-3 * drive.t_b - 5.775e-7 * drive.t_b * drive.t_b);
             let shares =
                 [line(drive.p_a), line(drive.p_b), ohm / (ohm + 2200.0), 0.5 + 0.8 * drive.alpha / 2.2];
-            inputs.analog = shares
-                .map(|share| Ok(Counts::new(((share + noise) * 4096.0).clamp(0.0, 4095.0) as u16).unwrap()));
+            inputs.analog = shares.map(|share| {
+                Ok(AdcCounts::new(((share + noise) * 4096.0).clamp(0.0, 4095.0) as u16).unwrap())
+            });
             for time in self.pump.millisecond(self.before.n_p, drive.n_p) {
                 inputs.pump.push(self.pump.stamp(time));
             }

@@ -13,17 +13,20 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use kou_app::controller::{
-    Begin, Bus, Controller, Estimator, KeepConfig, KeepParams, Keeper, Sampler, SensorsMemory, run_estimate,
-    run_publish, run_sample, run_store, run_supervise,
+    AdcSampler, CanInterface, Controller, Estimator, SensorsMemory, StartReason, StorageTask,
+    WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
+    run_supervise,
 };
 use kou_app::j1939::{Name, NameConfig, Node};
 use kou_app::sensors::adc::{Mcp3208, request};
 use kou_app::sensors::{SensorsParams, wiring};
 use kou_app::storage::Store;
-use kou_app::update::{Service, Session};
-use kou_emulation::{FLASH_LEN, MAX_LEN, ToHost};
+use kou_app::update::{UpdateService, UpdateSession};
+use kou_emulation::{FLASH_LEN, MAX_LEN, TickReport};
 use kou_estimator::units::Micros;
-use kou_qemu_mps2_an386::emulated::{Can, Dog, Flash, HostKey, Line, Spi, Timer};
+use kou_qemu_mps2_an386::emulated::{
+    EmulatedCan, EmulatedFlash, EmulatedSpi, EmulatedTimer, EmulatedWatchdog, HostKey, HostLine,
+};
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -39,13 +42,13 @@ const ADDRESS: u8 = 0x8C;
 const OUTPUT_TURNS: u32 = 10;
 const VITALS_TURNS: u32 = 1000;
 
-type FrontEnd = Sampler<Mcp3208<Spi>, Timer<fn(&mut ToHost)>>;
+type FrontEnd = AdcSampler<Mcp3208<EmulatedSpi>, EmulatedTimer<fn(&mut TickReport)>>;
 
-type Records = Keeper<'static, Flash, HostKey>;
+type ControllerStorageTask = StorageTask<'static, EmulatedFlash, HostKey>;
 
-static STORE: StaticCell<Store<Flash>> = StaticCell::new();
-static SESSION: ConstStaticCell<Session> = ConstStaticCell::new(Session::new());
-static RECORDS: StaticCell<Records> = StaticCell::new();
+static STORE: StaticCell<Store<EmulatedFlash>> = StaticCell::new();
+static SESSION: ConstStaticCell<UpdateSession> = ConstStaticCell::new(UpdateSession::new());
+static RECORDS: StaticCell<ControllerStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
 static SENSORS_MEMORY: ConstStaticCell<SensorsMemory> = ConstStaticCell::new(SensorsMemory::new());
 static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::new());
@@ -70,21 +73,26 @@ async fn estimate(start: Instant, estimator: &'static mut Estimator) {
 #[embassy_executor::task]
 async fn publish(start: Instant) {
     let Ok(name) = Name::new(&NameConfig::transmission(SERIAL)) else { Exit::Spawn.now() };
-    run_publish(&CONTROLLER, start, &mut Bus::new(Can::new(), Node::new(name, ADDRESS), &CONTROLLER)).await
+    run_publish(
+        &CONTROLLER,
+        start,
+        &mut CanInterface::new(EmulatedCan::new(), Node::new(name, ADDRESS), &CONTROLLER),
+    )
+    .await
 }
 
 #[embassy_executor::task]
-async fn store(start: Instant, records: &'static mut Records) {
-    run_store(&CONTROLLER, start, records).await
+async fn store(start: Instant, records: &'static mut ControllerStorageTask) {
+    run_storage(&CONTROLLER, start, records).await
 }
 
 #[embassy_executor::task]
 async fn supervise(start: Instant) {
-    run_supervise(&CONTROLLER, start, &mut Dog::new(&FED)).await
+    run_supervise(&CONTROLLER, start, &mut EmulatedWatchdog::new(&FED)).await
 }
 
 /// What the host is told beside what the hardware needs.
-fn tell(message: &mut ToHost) {
+fn tell(message: &mut TickReport) {
     message.writing = CONTROLLER.writing().map(|kind| kind as u8);
     message.fed = FED.load(Ordering::Relaxed);
     if message.tick % OUTPUT_TURNS == 1 {
@@ -104,24 +112,29 @@ const STACK_PERIOD: Duration = Duration::from_millis(500);
 const IDLE_TURNS: u32 = 8000;
 
 /// Everything that is kept, and why this run begins, from the host's first message.
-fn records(mut line: Line) -> Option<&'static mut Records> {
+fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
     let first = line.begin(FIRST.try_take()?)?;
     line.share();
     let default = (!first.default.is_empty()).then_some(first.default);
-    let rates = KeepConfig { health_s: first.keep_s, life_s: first.keep_s, ..KeepConfig::VEHICLE };
-    let store = Store::new(Flash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
-    let rates = KeepParams::new(&rates).ok()?;
-    let begin = Begin { cause: first.cause, note: first.note };
-    let service = Service::new(STORE.try_init(store)?, SESSION.try_take()?, HostKey(first.key), default);
-    RECORDS.try_init_with(|| Keeper::new(service, rates, begin))
+    let rates =
+        WriteScheduleConfig { health_s: first.keep_s, life_s: first.keep_s, ..WriteScheduleConfig::VEHICLE };
+    let store = Store::new(EmulatedFlash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
+    let rates = WriteScheduleParams::new(&rates).ok()?;
+    let begin = StartReason { cause: first.cause, note: first.note };
+    let service =
+        UpdateService::new(STORE.try_init(store)?, SESSION.try_take()?, HostKey(first.key), default);
+    RECORDS.try_init_with(|| StorageTask::new(service, rates, begin))
 }
 
-fn start(line: Line) -> Result<(), SpawnError> {
+fn start(line: HostLine) -> Result<(), SpawnError> {
     let Some(records) = records(line) else { Exit::LineFailed.now() };
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
     let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
-    let front_end = Sampler::new(Mcp3208::new(Spi::new()), Timer::new(asks, tell as fn(&mut ToHost)));
+    let front_end = AdcSampler::new(
+        Mcp3208::new(EmulatedSpi::new()),
+        EmulatedTimer::new(asks, tell as fn(&mut TickReport)),
+    );
     let [highest, high, low, lowest] = priority::start();
     let start = Instant::now();
     highest.spawn(sample(start, SENSORS.init(params), front_end, SENSORS_MEMORY.take())?);
@@ -137,7 +150,7 @@ fn start(line: Line) -> Result<(), SpawnError> {
 fn main() -> ! {
     QemuMps2An386::init();
     defmt::info!("controller {=str} up", env!("CARGO_PKG_VERSION"));
-    let Ok(line) = Line::open() else {
+    let Ok(line) = HostLine::open() else {
         semihosting::eprintln!(
             "nobody is on the controller's line; `host-sim pil --plant` starts it and drives it"
         );
