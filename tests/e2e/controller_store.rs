@@ -133,7 +133,7 @@ fn run_with_pause(
     let controller = Controller::<NoopRawMutex>::new();
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(Tool { to_send, ..Tool::default() });
-    let rates = WriteScheduleConfig { health_s: 3, life_s: 4, ..WriteScheduleConfig::VEHICLE };
+    let rates = WriteScheduleConfig { health_s: 3, counters_s: 4, ..WriteScheduleConfig::VEHICLE };
     let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), UpdateSession::new());
     let mut keeper = StorageTask::new(
         UpdateService::new(&mut store, &mut session, TestKey, default),
@@ -169,7 +169,7 @@ fn run_with_pause(
 }
 
 fn power_on() -> StartReason {
-    StartReason { cause: ResetCause::PowerOn, note: None }
+    StartReason { cause: ResetCause::PowerOn, crash_record: None }
 }
 
 fn read<R: for<'a> kou_app::storage::Record<'a>>(flash: &Flash) -> Option<R> {
@@ -280,13 +280,13 @@ fn a_panic_is_kept_as_a_trouble_with_its_message_and_the_hours_go_on() {
     let note =
         CrashRecord { kind: crash_log::CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
     // To the hardware it was a reset that was asked for.
-    let begin = StartReason { cause: ResetCause::Software, note: Some(note) };
+    let begin = StartReason { cause: ResetCause::Software, crash_record: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
     let life = read::<OperatingCounters>(&second.flash).unwrap();
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));
     assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
     let stop = read::<CrashReport>(&second.flash).unwrap();
-    assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
+    assert_eq!((stop.crash.text.as_str(), stop.operating_s), (text, hours.operating_s));
     let faults = read::<FaultMemory>(&second.flash).unwrap();
     let entry = faults.get(FaultCode::Panic).expect("it is in the fault memory");
     assert_eq!((entry.active, entry.first.operating_s), (false, hours.operating_s));
@@ -307,8 +307,8 @@ fn a_flash_that_fails_is_a_trouble_and_the_estimates_go_on() {
         .controller
         .faults(|memory| memory.active().any(|entry| entry.code() == Some(FaultCode::StorageFailed)));
     assert!(is_active);
-    let [_, estimate, ..] = after.controller.vitals.read();
-    assert_eq!((estimate.turns, estimate.missed), (599, 0));
+    let [_, estimate, ..] = after.controller.task_stats.read();
+    assert_eq!((estimate.cycles, estimate.missed), (599, 0));
 }
 
 #[test]

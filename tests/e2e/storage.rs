@@ -31,11 +31,11 @@ fn version(number: u32) -> Records {
     let calibration = record_of(&calibration);
     let mut faults = FaultMemory::new();
     for (i, code) in FaultCode::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
-        faults.confirmed(code, FreezeFrame::at(1000 * number + i as u32));
+        faults.confirm(code, FreezeFrame::at(1000 * number + i as u32));
     }
     let mut life = OperatingCounters::new();
-    life.started(ResetCause::Watchdog);
-    life.ran(360 * number);
+    life.count_start(ResetCause::Watchdog);
+    life.add_operating_time(360 * number);
     let health = HealthRecord { calibration_crc: number, state: learned(number) };
     Records { counter: number, calibration, health, faults, life }
 }

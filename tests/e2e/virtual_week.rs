@@ -180,7 +180,7 @@ fn drive(minutes: u64) {
     let mut session = UpdateSession::new();
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
     let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
-    let begin = StartReason { cause: ResetCause::PowerOn, note: None };
+    let begin = StartReason { cause: ResetCause::PowerOn, crash_record: None };
     let mut keeper =
         StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
@@ -213,12 +213,12 @@ fn drive(minutes: u64) {
         clock.advance(Duration::from_millis(1));
         poll();
     }
-    let vitals = controller.vitals.read();
-    let turns = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
+    let task_stats = controller.task_stats.read();
+    let cycles = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
     // Turns wrap at 2^32, which a week at 1 kHz does not reach.
-    assert_eq!(vitals.map(|vital| vital.turns), turns);
+    assert_eq!(task_stats.map(|vital| vital.cycles), cycles);
     for vital in vitals {
-        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0), "{vital:?}");
+        assert_eq!((vital.missed, vital.skipped, vital.max_jitter_us), (0, 0, 0), "{vital:?}");
     }
     let (valid, invalid, none) = (seen.valid.get(), seen.invalid.get(), seen.none.get());
     println!("{milliseconds} ms: {valid} estimates valid, {invalid} with a reason, {none} none");

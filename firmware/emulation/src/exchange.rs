@@ -42,9 +42,9 @@ pub struct EmulationStart<'a> {
     /// Why it starts, as its hardware would tell.
     pub cause: ResetCause,
     /// What an earlier run left in memory that start-up leaves alone.
-    pub note: Option<CrashRecord>,
+    pub crash_record: Option<CrashRecord>,
     /// Time between two writes of learned health and of the hours, s: scenarios are shorter than drives.
-    pub keep_s: u32,
+    pub write_period_s: u32,
 }
 
 /// An operation of the flash.
@@ -106,8 +106,8 @@ pub struct TickReport {
     /// The sample that the estimate was made of, every tenth time.
     pub sample: Option<Sample>,
     /// How the tasks are doing, every thousandth time: sample, estimate, publish, store, supervise.
-    pub vitals: Option<[TaskStatsSnapshot; 5]>,
-    /// Deepest stack, with the vitals.
+    pub task_stats: Option<[TaskStatsSnapshot; 5]>,
+    /// Deepest stack, with the task_stats.
     pub stack_bytes: u32,
     /// Turns in which the watchdog was fed.
     pub fed: u32,

@@ -135,7 +135,7 @@ impl World {
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
                 let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap();
                 let mut session = UpdateSession::new();
-                let begin = StartReason { cause: ResetCause::PowerOn, note: None };
+                let begin = StartReason { cause: ResetCause::PowerOn, crash_record: None };
                 let mut keeper =
                     StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, None), rates, begin);
                 run_storage(c, start, &mut keeper).await;
@@ -154,11 +154,11 @@ fn every_task_keeps_its_period_and_the_watchdog_is_fed() {
     let mut tasks = world.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 10_000);
-    let [sample, estimate, publish, store, supervise] = world.controller.vitals.read();
-    let turns = [sample, estimate, publish, store, supervise].map(|vital| vital.turns);
-    assert_eq!(turns, [10_000, 1_000, 1_000, 10, 200]);
-    for vital in world.controller.vitals.read() {
-        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0));
+    let [sample, estimate, publish, store, supervise] = world.controller.task_stats.read();
+    let cycles = [sample, estimate, publish, store, supervise].map(|vital| vital.cycles);
+    assert_eq!(cycles, [10_000, 1_000, 1_000, 10, 200]);
+    for vital in world.controller.task_stats.read() {
+        assert_eq!((vital.missed, vital.skipped, vital.max_jitter_us), (0, 0, 0));
     }
     assert_eq!(world.told.0.borrow().len(), 1_000);
     assert_eq!(Instant::now().as_millis() - world.dog.fed_at_ms.get(), 0);
@@ -192,16 +192,16 @@ fn a_late_task_misses_is_counted_and_does_not_shift_the_ones_after_it() {
     world.busy.set(Duration::from_micros(3_500));
     run(clock, &mut tasks, 1);
     world.busy.set(Duration::from_ticks(0));
-    let vital = world.controller.vitals.sample.read();
-    assert_eq!((vital.turns, vital.missed, vital.skipped, vital.longest_us), (101, 1, 3, 3_500));
+    let vital = world.controller.task_stats.sample.read();
+    assert_eq!((vital.cycles, vital.missed, vital.skipped, vital.max_execution_us), (101, 1, 3, 3_500));
     // The clock now stands at half a millisecond; the turns stay on the whole ones.
     clock.advance(Duration::from_micros(500));
     settle(&mut tasks);
     run(clock, &mut tasks, 100);
-    let after = world.controller.vitals.sample.read();
-    assert_eq!((after.turns, after.missed, after.latest_us), (202, 1, 0));
+    let after = world.controller.task_stats.sample.read();
+    assert_eq!((after.cycles, after.missed, after.max_jitter_us), (202, 1, 0));
     // No time has leaked: turns and left-out turns are the milliseconds that have passed.
-    assert_eq!(u64::from(after.turns + after.skipped), 100 + 1 + 4 + 100);
+    assert_eq!(u64::from(after.cycles + after.skipped), 100 + 1 + 4 + 100);
 }
 
 #[test]

@@ -107,12 +107,12 @@ fn unasked_restarts_are_counted_and_are_troubles() {
     for cause in
         [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unplanned_resets)
     {
-        life.started(cause);
-        assert_eq!(cause.trouble().is_some(), unplanned_resets.contains(&cause));
+        life.count_start(cause);
+        assert_eq!(cause.fault_code().is_some(), unplanned_resets.contains(&cause));
     }
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (6, 3, ResetCause::Panic));
-    life.ran(u32::MAX);
-    life.ran(1);
+    life.add_operating_time(u32::MAX);
+    life.add_operating_time(1);
     assert_eq!(life.operating_s, u32::MAX);
 }
 

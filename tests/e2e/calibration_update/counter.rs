@@ -22,7 +22,7 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, Some(FaultCode::CalibrationLost)));
+    assert_eq!((loaded.counter, loaded.fault), (8, Some(FaultCode::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
     controller.refuses(transfer(&old, 9, &key).commands(), RejectReason::Record);
     // Of a layout that it does not read at all, with no record of the counter besides: any update could be an old one.
@@ -33,7 +33,7 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
     block_on(controller.store.erase()).unwrap();
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &[] })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, None));
+    assert_eq!((loaded.counter, loaded.fault), (8, None));
     // Nothing at all: nothing to estimate with, and said so by its absence.
     assert!(block_on(load(&mut controller.store, None, &mut None::<Params>)).live.is_none());
 }

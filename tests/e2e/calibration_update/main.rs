@@ -98,8 +98,8 @@ impl Controller {
     }
 
     fn handle(&mut self, outcome: SessionOutcome) -> Option<UpdateAnswer> {
-        if let Some(refusal) = outcome.refused {
-            self.faults.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(1));
+        if let Some(refusal) = outcome.rejected {
+            self.faults.record_event(FaultCode::UpdateRefused(refusal), FreezeFrame::at(1));
         }
         let outcome = match outcome.todo {
             None => outcome,
@@ -138,7 +138,7 @@ impl Controller {
         let mut last = None;
         for command in commands {
             last = self.take(TOOL, command.to_bytes());
-            if matches!(last, Some(UpdateAnswer::Refused { .. }) | None) {
+            if matches!(last, Some(UpdateAnswer::Rejected { .. }) | None) {
                 break;
             }
         }
@@ -159,7 +159,7 @@ impl Controller {
         };
         let count = occurred(&self.faults);
         match self.send(commands) {
-            Some(UpdateAnswer::Refused { why: found, .. }) => assert_eq!(found, why),
+            Some(UpdateAnswer::Rejected { reason: found, .. }) => assert_eq!(found, why),
             other => panic!("{other:?} instead of {why:?}"),
         }
         assert_eq!(occurred(&self.faults), count + 1, "{why:?} is logged");

@@ -71,14 +71,14 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     // A tool that falls silent; a second tool that barges in.
     let _ = controller.send(commands[..20].to_vec());
     let interrupted = controller.take(0xFA, commands[0].to_bytes());
-    assert!(matches!(interrupted, Some(UpdateAnswer::Refused { why: RejectReason::Busy, .. })));
+    assert!(matches!(interrupted, Some(UpdateAnswer::Rejected { reason: RejectReason::Busy, .. })));
     controller.now.0 += 1_000_001;
     let outcome = controller.session.poll(controller.now);
-    assert_eq!(outcome.refused, Some(RejectReason::TimeOut));
+    assert_eq!(outcome.rejected, Some(RejectReason::TimeOut));
     assert!(controller.handle(outcome).is_some() && controller.session.is_idle());
     // A command of no version.
     let unknown = controller.take(TOOL, [0x77; 8]);
-    assert!(matches!(unknown, Some(UpdateAnswer::Refused { why: RejectReason::Unknown, .. })));
+    assert!(matches!(unknown, Some(UpdateAnswer::Rejected { reason: RejectReason::Unknown, .. })));
     for why in [RejectReason::TimeOut, RejectReason::Busy, RejectReason::Unknown] {
         assert!(controller.faults.get(FaultCode::UpdateRefused(why)).is_some(), "{why:?} is logged");
     }
@@ -99,7 +99,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
                 let written = block_on(controller.store.write(&stored)).is_ok();
                 controller.session.stored(written).refused
             }
-            _ => outcome.refused,
+            _ => outcome.rejected,
         }
     });
     assert_eq!(answer, Some(RejectReason::Storage));

@@ -19,7 +19,7 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     let mut place = None;
     let opened = block_on(service.open(&mut place));
     assert_eq!(
-        (opened.adopted.map(|state| state.source), opened.trouble),
+        (opened.adopted.map(|state| state.source), opened.fault),
         (Some(CalibrationSource::Default), None)
     );
     assert_eq!(place.as_ref(), Some(&reference_params()));
@@ -30,17 +30,17 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
             for (number, command) in transfer(&record, counter, tool_key).commands().enumerate() {
                 let now = Micros(1000 * number as u64);
                 last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, &mut place));
-                if last.trouble.is_some() {
+                if last.fault.is_some() {
                     break;
                 }
             }
             (last, place)
         };
     let (refused, place) = send(&mut service, 1, &TestKey::new(2), false);
-    assert_eq!(refused.trouble, Some(FaultCode::UpdateRefused(RejectReason::Mac)));
+    assert_eq!(refused.fault, Some(FaultCode::UpdateRefused(RejectReason::Mac)));
     assert!(refused.adopted.is_none() && place.is_none());
     assert_eq!(
-        send(&mut service, 1, &key, true).0.trouble,
+        send(&mut service, 1, &key, true).0.fault,
         Some(FaultCode::UpdateRefused(RejectReason::Loaded))
     );
     let (taken, place) = send(&mut service, 1, &key, false);
@@ -51,7 +51,7 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     let kept = block_on(service.store().read::<UpdateCounter>()).unwrap();
     assert_eq!(kept, Some(UpdateCounter { counter: 1 }));
     assert_eq!(
-        send(&mut service, 1, &key, false).0.trouble,
+        send(&mut service, 1, &key, false).0.fault,
         Some(FaultCode::UpdateRefused(RejectReason::OldCounter))
     );
     // What is read is what is in use now; learned state only where there is one.
@@ -62,22 +62,28 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
     let length = u16::try_from(record.len()).unwrap();
     assert_eq!(
         read(&mut service, 1),
-        UpdateAnswer::ToBeRead { what: 1, length, crc: record::crc32(&record) }
+        UpdateAnswer::ReadReady { what: 1, length, crc: record::crc32(&record) }
     );
-    assert!(matches!(read(&mut service, 2), UpdateAnswer::Refused { why: RejectReason::NothingStored, .. }));
+    assert!(matches!(
+        read(&mut service, 2),
+        UpdateAnswer::Rejected { reason: RejectReason::NothingStored, .. }
+    ));
     let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
     block_on(service.keep(&health)).unwrap();
-    assert!(matches!(read(&mut service, 2), UpdateAnswer::ToBeRead { what: 2, .. }));
-    assert!(matches!(read(&mut service, 3), UpdateAnswer::Refused { why: RejectReason::NothingStored, .. }));
-    assert!(service.poll(Micros(2_000_000)).trouble.is_none(), "a tool that stops reading has read enough");
+    assert!(matches!(read(&mut service, 2), UpdateAnswer::ReadReady { what: 2, .. }));
+    assert!(matches!(
+        read(&mut service, 3),
+        UpdateAnswer::Rejected { reason: RejectReason::NothingStored, .. }
+    ));
+    assert!(service.poll(Micros(2_000_000)).fault.is_none(), "a tool that stops reading has read enough");
     // A flash that fails in the middle: refused, nothing given out, nothing more taken until a restart.
     service.store().flash().cut_after(300, Torn::Clean);
     let (failed, place) = send(&mut service, 2, &key, false);
-    assert_eq!(failed.trouble, Some(FaultCode::UpdateRefused(RejectReason::Storage)));
+    assert_eq!(failed.fault, Some(FaultCode::UpdateRefused(RejectReason::Storage)));
     assert!(failed.adopted.is_none() && place.is_none());
     service.store().flash().power_on();
     assert_eq!(
-        send(&mut service, 3, &key, false).0.trouble,
+        send(&mut service, 3, &key, false).0.fault,
         Some(FaultCode::UpdateRefused(RejectReason::OldCounter))
     );
 }

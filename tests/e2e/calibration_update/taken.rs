@@ -45,7 +45,7 @@ fn frames_of_the_pc_tool_are_taken() {
 #[test]
 fn what_is_stored_is_read_back_in_segments() {
     let mut controller = Controller::new(NoKey);
-    let Some(UpdateAnswer::ToBeRead { what: 1, length, crc }) =
+    let Some(UpdateAnswer::ReadReady { what: 1, length, crc }) =
         controller.send([UpdateCommand::Read { what: 1 }])
     else {
         panic!("nothing to be read")
@@ -63,6 +63,6 @@ fn what_is_stored_is_read_back_in_segments() {
     assert_eq!(record::crc32(&bytes), crc);
     assert!(matches!(
         controller.send([UpdateCommand::Next { number: 255 }]),
-        Some(UpdateAnswer::Refused { .. })
+        Some(UpdateAnswer::Rejected { .. })
     ));
 }

@@ -56,12 +56,10 @@ fn capture() -> (Capture, Value) {
         let health: Health = estimate.health;
         // Troubles come one by one and go again: single frames first, lists later.
         match tick {
-            400 => {
-                faults.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4))
-            }
-            800 => faults.confirmed(FaultCode::Wear, FreezeFrame::at(8)),
-            1000 => faults.confirmed(FaultCode::CalibrationLost, FreezeFrame::at(10)),
-            1500 => faults.healed(FaultCode::Wear),
+            400 => faults.confirm(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
+            800 => faults.confirm(FaultCode::Wear, FreezeFrame::at(8)),
+            1000 => faults.confirm(FaultCode::CalibrationLost, FreezeFrame::at(10)),
+            1500 => faults.heal(FaultCode::Wear),
             _ => {}
         }
         for (at, pgn) in [(300, c::DM2.pgn), (1700, c::DM2.pgn), (350, Pgn::new(65253)), (360, c::DM1.pgn)] {
@@ -76,7 +74,7 @@ fn capture() -> (Capture, Value) {
             estimate: &estimate,
             health: Some(&health),
             calibration: CalibrationState { source: CalibrationSource::Stored, crc },
-            troubles: faults.troubles(),
+            dtcs: faults.reports(),
         };
         while let Some(frame) = node.poll(now, &outputs) {
             let (message, signals) = meaning(&frame, &outputs, &mut counter);
@@ -161,12 +159,12 @@ fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
         let (tool, answer) = outcome.answer.unwrap();
         let answer_name = match answer {
             UpdateAnswer::Begun => "begun",
-            UpdateAnswer::Taken { .. } => "taken",
+            UpdateAnswer::SegmentAccepted { .. } => "taken",
             UpdateAnswer::Committed { .. } => "committed",
             UpdateAnswer::Aborted => "aborted",
-            UpdateAnswer::ToBeRead { .. } => "to be read",
+            UpdateAnswer::ReadReady { .. } => "to be read",
             UpdateAnswer::Segment { .. } => "segment",
-            UpdateAnswer::Refused { .. } => "refused",
+            UpdateAnswer::Rejected { .. } => "refused",
         };
         let data = answer.to_bytes();
         let frame = node.update_answer(tool, data).unwrap();

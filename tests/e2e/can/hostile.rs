@@ -70,7 +70,7 @@ fn hostile(random: &mut Random, genuine: &[Frame], address: u8) -> Frame {
 }
 
 fn quiet<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), dtcs: faults.reports() }
 }
 
 #[test]
@@ -132,14 +132,14 @@ fn prop_a_million_hostile_frames_change_no_state_that_they_may_not() {
             match outcome.todo {
                 Some(SessionAction::Store { .. }) => panic!("{frame:?} led to a write"),
                 Some(SessionAction::Fill(_)) => {
-                    assert!(session.fill(now, |_| None).refused.is_some());
+                    assert!(session.fill(now, |_| None).rejected.is_some());
                 }
                 None => {}
             }
-            begun += u32::from(outcome.answer.is_some() && outcome.refused.is_none());
-            refusals += u32::from(outcome.refused.is_some());
-            if let Some(why) = outcome.refused {
-                faults.happened(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
+            begun += u32::from(outcome.answer.is_some() && outcome.rejected.is_none());
+            refusals += u32::from(outcome.rejected.is_some());
+            if let Some(why) = outcome.rejected {
+                faults.record_event(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
             }
         }
         session.poll(now);

@@ -166,9 +166,9 @@ pub fn meaning(
     } else if pgn == c::DM1.pgn || pgn == c::DM2.pgn {
         let is_dm1 = pgn == c::DM1.pgn;
         let entries: Vec<&DtcReport> =
-            outputs.troubles.all().iter().filter(|entry| entry.active == is_dm1).collect();
+            outputs.dtcs.all().iter().filter(|entry| entry.active == is_dm1).collect();
         assert!(entries.len() <= 1);
-        let lamp = outputs.troubles.has_active();
+        let lamp = outputs.dtcs.has_active();
         (if is_dm1 { &c::DM1 } else { &c::DM2 }, trouble_of(entries.first().copied(), lamp))
     } else if pgn == c::ADDRESS_CLAIMED.pgn {
         let config = identity();

@@ -1,5 +1,5 @@
 //! Which calibration is live after a start: the stored one when it is whole, readable and passes every check; the default,
-//! which the firmware was built or provisioned with, when not. A stored calibration that fails is a trouble, never silently
+//! which the firmware was built or provisioned with, when not. A stored calibration that fails is a fault, never silently
 //! replaced.
 
 use embedded_storage_async::nor_flash::NorFlash;
@@ -13,7 +13,7 @@ use crate::storage::{Store, StoreError, StoredCalibration, UpdateCounter};
 
 /// Where parameters are made: they are too large to be handed from one function to the next.
 pub trait ParamsSlot {
-    /// Makes the parameters of a calibration here, in the place of what was here before.
+    /// Makes the parameters of a calibration here, in the slot of what was here before.
     ///
     /// # Errors
     /// As [`Params::new`]; then nothing is here.
@@ -35,7 +35,7 @@ pub struct LiveCalibration {
     pub machine: MachineIdentity,
 }
 
-/// What a start found.
+/// What a start selected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadedCalibration {
     /// The calibration to use; nothing when there is no good one at all.
@@ -44,7 +44,7 @@ pub struct LoadedCalibration {
     /// taken then, because any could be an old one, until the workshop erases the storage.
     pub counter: u32,
     /// The trouble to be reported, if any.
-    pub trouble: Option<FaultCode>,
+    pub fault: Option<FaultCode>,
 }
 
 /// The last four bytes of a record: its CRC-32.
@@ -56,23 +56,23 @@ pub(crate) fn crc_of(record: &[u8]) -> u32 {
 ///
 /// # Errors
 /// [`RejectReason::Record`] or [`RejectReason::Field`].
-pub(crate) fn checked(bytes: &[u8]) -> Result<MachineIdentity, RejectReason> {
-    prepared(bytes, None)
+pub(crate) fn check_record(bytes: &[u8]) -> Result<MachineIdentity, RejectReason> {
+    prepare(bytes, None)
 }
 
-/// The same; and the parameters are made in the place, where there is one.
-// Not inlined: what it works with is large and would live in a task's memory for good. And the one place that
+/// The same; and the parameters are made in the slot, where there is one.
+// Not inlined: what it works with is large and would live in a task's memory for good. And the one slot that
 // reads records, so that the code for that is there once.
 #[inline(never)]
-fn prepared(bytes: &[u8], place: Option<&mut dyn ParamsSlot>) -> Result<MachineIdentity, RejectReason> {
+fn prepare(bytes: &[u8], slot: Option<&mut dyn ParamsSlot>) -> Result<MachineIdentity, RejectReason> {
     // By reference, since every copy of it is half a kilobyte.
-    let decoded = decoded(bytes);
+    let decoded = decode(bytes);
     let calibration = match &decoded {
         Ok(calibration) => calibration,
         Err(refusal) => return Err(*refusal),
     };
-    let made = match place {
-        Some(place) => place.make(calibration),
+    let made = match slot {
+        Some(slot) => slot.make(calibration),
         None => Params::check(calibration),
     };
     made.map_err(|_| RejectReason::Field)?;
@@ -82,65 +82,65 @@ fn prepared(bytes: &[u8], place: Option<&mut dyn ParamsSlot>) -> Result<MachineI
 
 // Not inlined: what it takes would lie on the stack beside the parameters.
 #[inline(never)]
-fn decoded(bytes: &[u8]) -> Result<Calibration, RejectReason> {
+fn decode(bytes: &[u8]) -> Result<Calibration, RejectReason> {
     record::decode(bytes).map_err(|_| RejectReason::Record)
 }
 
-fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn ParamsSlot) -> Option<LiveCalibration> {
-    let machine = prepared(bytes, Some(place)).ok()?;
+fn live(bytes: &[u8], source: CalibrationSource, slot: &mut dyn ParamsSlot) -> Option<LiveCalibration> {
+    let machine = prepare(bytes, Some(slot)).ok()?;
     Some(LiveCalibration { state: CalibrationState { source, crc: crc_of(bytes) }, machine })
 }
 
 impl LiveCalibration {
-    /// The calibration of a record that was just stored, its parameters in `place`; nothing when it is not one that passes every
+    /// The calibration of a record that was just stored, its parameters in `slot`; nothing when it is not one that passes every
     /// check.
     #[must_use]
-    pub fn stored(record: &[u8], place: &mut dyn ParamsSlot) -> Option<Self> {
-        live(record, CalibrationSource::Stored, place)
+    pub fn stored(record: &[u8], slot: &mut dyn ParamsSlot) -> Option<Self> {
+        live(record, CalibrationSource::Stored, slot)
     }
 }
 
-/// Reads the stored calibration, or falls back to the `default` record. The parameters of what is to be used are made in `place`.
+/// Reads the stored calibration, or falls back to the `default` record. The parameters of what is to be used are made in `slot`.
 pub async fn load<F: NorFlash>(
     store: &mut Store<F>,
     default: Option<&[u8]>,
-    place: &mut dyn ParamsSlot,
+    slot: &mut dyn ParamsSlot,
 ) -> LoadedCalibration {
-    let alone = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
+    let stored_counter = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
     let stored = store.read::<StoredCalibration<'_>>().await;
-    choose(stored, alone, default, place)
+    select(stored, stored_counter, default, slot)
 }
 
 #[inline(never)]
-fn choose(
+fn select(
     stored: Result<Option<StoredCalibration<'_>>, StoreError>,
-    alone: Result<Option<u32>, StoreError>,
+    stored_counter: Result<Option<u32>, StoreError>,
     default: Option<&[u8]>,
-    place: &mut dyn ParamsSlot,
+    slot: &mut dyn ParamsSlot,
 ) -> LoadedCalibration {
-    let mut trouble = None;
-    let known = alone.ok().flatten();
+    let mut fault = None;
+    let known = stored_counter.ok().flatten();
     // What is stored, if it is anything; an empty record says that the default is to be used.
     let (counter, record) = match stored {
         Ok(None) => (known.unwrap_or(0), &[][..]),
         Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
         Err(error) => {
-            trouble = Some(match error {
+            fault = Some(match error {
                 StoreError::Schema { .. } | StoreError::Body(_) => FaultCode::CalibrationLost,
                 _ => FaultCode::StorageFailed,
             });
             (known.unwrap_or(u32::MAX), &[][..])
         }
     };
-    let mut found = None;
+    let mut selected = None;
     if !record.is_empty() {
-        found = live(record, CalibrationSource::Stored, place);
-        if found.is_none() {
-            trouble = Some(FaultCode::CalibrationLost);
+        selected = live(record, CalibrationSource::Stored, slot);
+        if selected.is_none() {
+            fault = Some(FaultCode::CalibrationLost);
         }
     }
-    if found.is_none() {
-        found = default.and_then(|bytes| live(bytes, CalibrationSource::Default, place));
+    if selected.is_none() {
+        selected = default.and_then(|bytes| live(bytes, CalibrationSource::Default, slot));
     }
-    LoadedCalibration { live: found, counter, trouble }
+    LoadedCalibration { live: selected, counter, fault }
 }

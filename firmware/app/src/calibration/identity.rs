@@ -44,7 +44,7 @@ impl MachineIdentity {
     /// serial number where this one has one. So a controller that was delivered with its type's calibration takes
     /// one of any machine of the type, once; from then on it belongs to that machine.
     #[must_use]
-    pub fn takes(&self, other: &Self) -> bool {
+    pub fn accepts(&self, other: &Self) -> bool {
         self.name == other.name && (self.serial.is_empty() || self.serial == other.serial)
     }
 }

@@ -72,9 +72,9 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
     fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
         let seconds = self.controller.operating_s(now);
         let snapshot = sample.map_or(FreezeFrame::at(seconds), |sample| FreezeFrame::of(seconds, sample));
-        let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
+        let since = self.node.last_received().unwrap_or(*self.started.get_or_insert(now));
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
-        let is_lost = self.node.is_silenced();
+        let is_lost = self.node.is_address_lost();
         let failed = &mut self.failed;
         let mut came = [None; Channel::ALL.len()];
         self.controller.faults(|faults| {
@@ -85,23 +85,23 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
                     continue;
                 }
                 if let Some(fault) = *before {
-                    faults.healed(FaultCode::Sensor(channel, fault));
+                    faults.heal(FaultCode::Sensor(channel, fault));
                 }
                 if let Some(fault) = fault {
-                    faults.confirmed(FaultCode::Sensor(channel, fault), snapshot);
+                    faults.confirm(FaultCode::Sensor(channel, fault), snapshot);
                     *came = Some(FaultCode::Sensor(channel, fault));
                 }
                 *before = fault;
             }
             if let Some(estimate) = estimate {
-                faults.follows(FaultCode::Wear, estimate.health.wear, snapshot);
-                faults.follows(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
+                faults.set_status(FaultCode::Wear, estimate.health.wear, snapshot);
+                faults.set_status(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
             }
             for (code, is_there) in [(FaultCode::BusSilent, is_silent), (FaultCode::AddressLost, is_lost)] {
                 if is_there {
-                    faults.confirmed(code, snapshot);
+                    faults.confirm(code, snapshot);
                 } else {
-                    faults.healed(code);
+                    faults.heal(code);
                 }
             }
         });
@@ -161,7 +161,7 @@ impl<P: CanPort, M: RawMutex> Publish for CanInterface<'_, P, M> {
             estimate: estimate.as_ref().unwrap_or(&missing),
             health: estimate.as_ref().ok().map(|estimate| &estimate.health),
             calibration: self.controller.calibration().unwrap_or_default(),
-            troubles: self.controller.faults(|faults| faults.troubles()),
+            dtcs: self.controller.faults(|faults| faults.reports()),
         };
         for _ in 0..MAX_OUT {
             let Some(frame) = self.node.poll(now, &outputs) else { break };

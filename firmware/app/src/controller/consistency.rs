@@ -10,13 +10,13 @@
 //! ```
 //!
 //! Either what is seen is right and the machine has changed, or what was learned is right and a sensor has: they lie `g` apart,
-//! which is at most 1.4 of the standard errors told. Health goes on learning and follows the wrong sensor, too, so what was learned before stands
-//! from the first contradiction on. It is an open question once contradictions have lasted for [`OPENS`], or health reports a change.
+//! which is at most 1.4 of the standard errors reported. Health goes on learning and follows the wrong sensor, too, so what was learned before stands
+//! from the first contradiction on. It is an open question once contradictions have lasted for [`OPEN_COUNT`], or health reports a change.
 //!
 //! * Only leakage explains it (health confirms wear): what is seen is right, and the question is closed.
 //! * Only a sensor, the displacement or the oil does: the estimate is invalid, [`Reason::SensorSuspected`], until for
-//!   [`AGREES`] what is seen has been as before.
-//! * What is seen and what health has learned are both as before for [`CLOSES`]: closed.
+//!   [`RECOVER_COUNT`] what is seen has been as before.
+//! * What is seen and what health has learned are both as before for [`CLOSE_COUNT`]: closed.
 //!
 //! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
 //! What changes more slowly than health's drift watch can tell from wear is wear to it.
@@ -29,13 +29,13 @@ use kou_estimator::{Estimate, Expected, Reason, Seen};
 const LEVEL_SIGMAS: f32 = 2.0;
 
 /// Estimates, one each 10 ms, that contradict before there is a question: 5 s.
-const OPENS: u16 = 500;
+const OPEN_COUNT: u16 = 500;
 /// How many estimates that do not contradict one that does outweighs: a manoeuvre contradicts for a moment, too.
-const OUTWEIGHS: u16 = 4;
+const AGREEMENT_WEIGHT: u16 = 4;
 /// Estimates that do not, after which a suspected sensor is used again: 5 s.
-const AGREES: u16 = 500;
+const RECOVER_COUNT: u16 = 500;
 /// Estimates that do not, after which the question is closed: a minute.
-const CLOSES: u16 = 6000;
+const CLOSE_COUNT: u16 = 6000;
 
 /// A level of leakage over the law's, as learned.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +52,7 @@ pub struct ConsistencyCheck {
     is_open: bool,
     /// Contradictions, less estimates without, since the last time that there were none.
     contradicted: u16,
-    /// Estimates without, less [`OUTWEIGHS`] times those with.
+    /// Estimates without, less [`AGREEMENT_WEIGHT`] times those with.
     agreed: u16,
     changes: u16,
 }
@@ -61,20 +61,26 @@ impl ConsistencyCheck {
     /// Nothing learned.
     #[must_use]
     pub const fn new() -> Self {
-        Self { learned: learned(&Health::new()), is_open: false, contradicted: 0, agreed: AGREES, changes: 0 }
+        Self {
+            learned: learned(&Health::new()),
+            is_open: false,
+            contradicted: 0,
+            agreed: RECOVER_COUNT,
+            changes: 0,
+        }
     }
 
     /// The estimate as it may be told; `last_change` is the last one that health has reported.
     #[must_use]
-    pub fn judge(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
+    pub fn apply(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
         self.follow(&estimate.health, last_change);
         let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.seen) else { return estimate };
         let law = expected.kou.get();
-        let apart = (seen.kou.get() - self.learned.level * law).abs();
-        let excess = apart - seen.kou_se.get();
+        let discrepancy = (seen.kou.get() - self.learned.level * law).abs();
+        let excess = discrepancy - seen.kou_se.get();
         let contradicts = excess > LEVEL_SIGMAS * self.learned.level_se * law;
         self.count(contradicts);
-        if estimate.health.sensor == Stage::Confirmed && self.agreed < AGREES {
+        if estimate.health.sensor == Stage::Confirmed && self.agreed < RECOVER_COUNT {
             let suspected = Reason::SensorSuspected;
             return Estimate { expected: Err(suspected), seen: Err(suspected), ..estimate };
         }
@@ -83,8 +89,8 @@ impl ConsistencyCheck {
         }
         // The wrong sensor may be one that the law takes, too.
         Estimate {
-            expected: Ok(Expected { kou_se: joined(expected.kou_se, excess), ..expected }),
-            seen: Ok(Seen { kou_se: joined(seen.kou_se, excess), ..seen }),
+            expected: Ok(Expected { kou_se: widen(expected.kou_se, excess), ..expected }),
+            seen: Ok(Seen { kou_se: widen(seen.kou_se, excess), ..seen }),
             ..estimate
         }
     }
@@ -103,7 +109,7 @@ impl ConsistencyCheck {
         let now = learned(health);
         let is_as_before = (now.level - self.learned.level).abs() <= LEVEL_SIGMAS * now.level_se;
         let is_wear = health.wear == Stage::Confirmed && health.causes.only_leakage();
-        if is_wear || (is_as_before && self.agreed >= CLOSES) {
+        if is_wear || (is_as_before && self.agreed >= CLOSE_COUNT) {
             self.is_open = false;
             self.contradicted = 0;
         }
@@ -114,12 +120,12 @@ impl ConsistencyCheck {
 
     fn count(&mut self, contradicts: bool) {
         if contradicts {
-            self.contradicted = self.contradicted.saturating_add(1).min(OPENS);
-            self.agreed = self.agreed.saturating_sub(OUTWEIGHS);
-            self.is_open |= self.contradicted == OPENS;
+            self.contradicted = self.contradicted.saturating_add(1).min(OPEN_COUNT);
+            self.agreed = self.agreed.saturating_sub(AGREEMENT_WEIGHT);
+            self.is_open |= self.contradicted == OPEN_COUNT;
         } else {
             self.contradicted = self.contradicted.saturating_sub(1);
-            self.agreed = self.agreed.saturating_add(1).min(CLOSES);
+            self.agreed = self.agreed.saturating_add(1).min(CLOSE_COUNT);
         }
     }
 }
@@ -128,7 +134,7 @@ const fn learned(health: &Health) -> Learned {
     Learned { level: health.level.get(), level_se: health.level_se.get() }
 }
 
-fn joined(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
+fn widen(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
     let own = standard_error.get();
     LeakageCoefficient(libm::sqrtf(own * own + excess * excess))
 }
@@ -181,91 +187,91 @@ mod tests {
 
     #[test]
     fn what_agrees_with_the_level_learned_is_told_as_it_is() {
-        let mut trust = ConsistencyCheck::new();
+        let mut check = ConsistencyCheck::new();
         let agrees = estimate(1.3 * LAW, 1.3, Health::new());
-        assert_eq!(trust.judge(None, agrees), agrees);
+        assert_eq!(check.apply(None, agrees), agrees);
     }
 
     #[test]
     fn a_contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
         for seen in [0.3, 0.7, 1.3, 2.0, 5.0] {
-            let told = ConsistencyCheck::new().judge(None, estimate(seen * LAW, 1.0, Health::new()));
+            let reported = ConsistencyCheck::new().apply(None, estimate(seen * LAW, 1.0, Health::new()));
             // The square root of 2 where gap and the sensors' error are worst to each other, and rounding.
-            assert!((seen - 1.0).abs() * LAW < 1.415 * se(told), "{seen}: {}", se(told));
-            assert!(se(told) > SE && told.expected.unwrap().kou_se.get() > SE, "{seen}");
+            assert!((seen - 1.0).abs() * LAW < 1.415 * se(reported), "{seen}: {}", se(reported));
+            assert!(se(reported) > SE && reported.expected.unwrap().kou_se.get() > SE, "{seen}");
         }
     }
 
     #[test]
     fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
-        let mut trust = ConsistencyCheck::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
-            let told = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
-            assert!(0.5 * LAW < 3.0 * se(told), "{}", se(told));
+            let reported = check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
+            assert!(0.5 * LAW < 3.0 * se(reported), "{}", se(reported));
         }
         // A second one does not make the level between them known.
         let twice = Health { changes: 2, ..Health::new() };
-        let told = trust.judge(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
-        assert!(0.8 * LAW < 3.0 * se(told), "{}", se(told));
+        let reported = check.apply(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
+        assert!(0.8 * LAW < 3.0 * se(reported), "{}", se(reported));
         // Back where it was nothing is open.
         let back = estimate(LAW, 1.0, twice);
-        assert_eq!(trust.judge(change(1.5, 1.8), back), back);
+        assert_eq!(check.apply(change(1.5, 1.8), back), back);
     }
 
     #[test]
     fn confirmed_wear_is_believed_and_a_suspected_sensor_is_not() {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
-        let mut trust = ConsistencyCheck::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
-        assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(se(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
         let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
         let believed = estimate(1.5 * LAW, 1.5, worn);
-        assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
+        assert_eq!(check.apply(change(1.0, 1.5), believed), believed);
 
         let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: Stage::Confirmed, ..open };
-        let told = ConsistencyCheck::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
-        assert_eq!(told.seen, Err(Reason::SensorSuspected));
-        assert_eq!(told.expected, Err(Reason::SensorSuspected));
+        let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        assert_eq!(reported.seen, Err(Reason::SensorSuspected));
+        assert_eq!(reported.expected, Err(Reason::SensorSuspected));
         // As before for five seconds: used again, whatever health still waits for.
-        let mut trust = ConsistencyCheck::new();
-        for _ in 0..AGREES {
-            assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
+        let mut check = ConsistencyCheck::new();
+        for _ in 0..RECOVER_COUNT {
+            assert!(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
         }
-        for i in 1..=AGREES {
-            let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
-            assert_eq!(told.seen.is_ok(), i == AGREES, "{i}");
+        for i in 1..=RECOVER_COUNT {
+            let reported = check.apply(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
+            assert_eq!(reported.seen.is_ok(), i == RECOVER_COUNT, "{i}");
         }
     }
 
     #[test]
     fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
-        let mut trust = ConsistencyCheck::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
             // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
             level += 0.001 * (0.5 - level);
             let seen = if i % 10 == 0 { 0.97 } else { 0.5 };
-            let told = trust.judge(None, estimate(seen * LAW, level, Health::new()));
-            assert!((1.0 - seen) * LAW < 3.0 * se(told), "{i}: {}", se(told));
+            let reported = check.apply(None, estimate(seen * LAW, level, Health::new()));
+            assert!((1.0 - seen) * LAW < 3.0 * se(reported), "{i}: {}", se(reported));
         }
         // The sensor is right again, health not yet: what is seen is told as it is.
         let agrees = estimate(LAW, level, Health::new());
-        for _ in 0..2 * CLOSES {
-            assert_eq!(trust.judge(None, agrees), agrees);
+        for _ in 0..2 * CLOSE_COUNT {
+            assert_eq!(check.apply(None, agrees), agrees);
         }
-        assert!(trust.is_open);
-        assert!(trust.judge(None, estimate(LAW, 0.99, Health::new())).seen.is_ok());
-        assert!(!trust.is_open);
+        assert!(check.is_open);
+        assert!(check.apply(None, estimate(LAW, 0.99, Health::new())).seen.is_ok());
+        assert!(!check.is_open);
     }
 
     #[test]
     fn a_reason_of_the_estimator_stays() {
         let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
         invalid.seen = Err(Reason::RatioAboveLeakFree);
-        assert_eq!(ConsistencyCheck::new().judge(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
+        assert_eq!(ConsistencyCheck::new().apply(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
     }
 }

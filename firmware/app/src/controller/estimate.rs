@@ -16,20 +16,20 @@ pub async fn run_estimate<M: RawMutex>(
     start: Instant,
     estimator: &mut Estimator,
 ) -> ! {
-    let mut pace = Ticker::new(start, ESTIMATE_PERIOD, &controller.vitals.estimate);
+    let mut ticker = Ticker::new(start, ESTIMATE_PERIOD, &controller.task_stats.estimate);
     loop {
-        pace.turn().await;
-        if controller.exchange.serve(estimator) {
+        ticker.cycle().await;
+        if controller.handover.serve(estimator) {
             controller.set_calibration(estimator.calibration);
             info!("calibration in use: {}", estimator.calibration);
         }
-        turn(controller, estimator);
+        cycle(controller, estimator);
     }
 }
 
 // Not inlined: an estimate and a sample would lie in the task's memory for good.
 #[inline(never)]
-fn turn<M: RawMutex>(controller: &Controller<M>, estimator: &mut Estimator) {
+fn cycle<M: RawMutex>(controller: &Controller<M>, estimator: &mut Estimator) {
     let estimate = match (&estimator.params, controller.sample()) {
         (None, _) if controller.calibration().is_none() => Err(NoEstimate::Starting),
         (None, _) => Err(NoEstimate::NoCalibration),
@@ -37,9 +37,9 @@ fn turn<M: RawMutex>(controller: &Controller<M>, estimator: &mut Estimator) {
         (Some(params), Some(mut sample)) => {
             // Judged as of now: if `sample` has stopped, its readings grow stale.
             sample.time = now();
-            let Estimator { state, trust, .. } = estimator;
+            let Estimator { state, consistency, .. } = estimator;
             let estimate = step(params, state, &sample);
-            Ok(trust.judge(state.health().last_change(), estimate))
+            Ok(consistency.apply(state.health().last_change(), estimate))
         }
     };
     controller.set_estimate(now(), estimate);

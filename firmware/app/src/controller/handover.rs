@@ -2,7 +2,7 @@
 //!
 //! One place for one thing, because each is large, and each is made where it lies: a copy on its way would take the stack that the
 //! place saves. `store` begins every exchange and may put something newer in the place of what still lies there; `estimate` looks
-//! at each of its turns, never waits, and takes what is for it by exchanging contents. While `store` works at the place,
+//! at each of its cycles, never waits, and takes what is for it by exchanging contents. While `store` works at the place,
 //! `estimate` passes by; nobody else is held up.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -26,11 +26,11 @@ pub(super) enum Mailbox {
     /// For `estimate`: what was learned with the calibration in use, in an earlier run.
     Learned(HealthState),
     /// For `estimate`, to be filled with what has been learned; then for `store`.
-    Asked {
+    Requested {
         /// What has been learned, once it is told.
         record: HealthRecord,
         /// Whether it is.
-        is_told: bool,
+        is_filled: bool,
     },
     /// Of `store` alone: the fault memory while it is written. It has nothing to do with `estimate`, but needs a place for a moment.
     Faults(FaultMemory),
@@ -40,19 +40,19 @@ impl Mailbox {
     /// Asks for what has been learned.
     // Not inlined: what is put here would lie in a task's memory for good.
     #[inline(never)]
-    pub fn ask(&mut self) {
+    pub fn request_learned(&mut self) {
         let record = HealthRecord { calibration_crc: 0, state: HealthState::new() };
-        *self = Self::Asked { record, is_told: false };
+        *self = Self::Requested { record, is_filled: false };
     }
 
     /// Hands over what was learned in an earlier run.
     #[inline(never)]
-    pub fn learned(&mut self, health: &HealthState) {
+    pub fn put_learned(&mut self, health: &HealthState) {
         *self = Self::Learned(health.clone());
     }
 
     /// The parameters made here are those of this calibration, and to be taken into use.
-    pub fn hand_over(&mut self, calibration: CalibrationState) {
+    pub fn release(&mut self, calibration: CalibrationState) {
         if let Self::Calibration(_, state) = self {
             *state = Some(calibration);
         }
@@ -90,7 +90,7 @@ pub struct Estimator {
     pub(super) params: Option<Params>,
     pub(super) calibration: CalibrationState,
     pub(super) state: State,
-    pub(super) trust: ConsistencyCheck,
+    pub(super) consistency: ConsistencyCheck,
 }
 
 impl Estimator {
@@ -101,7 +101,7 @@ impl Estimator {
             params: None,
             calibration: CalibrationState::NONE,
             state: State::new(),
-            trust: ConsistencyCheck::new(),
+            consistency: ConsistencyCheck::new(),
         }
     }
 }
@@ -132,23 +132,23 @@ impl<M: RawMutex> Handover<M> {
                 core::mem::swap(&mut estimator.params, params);
                 estimator.calibration = *calibration;
                 // The state belongs to the old calibration and goes with it.
-                estimator.begin_anew();
+                estimator.reset();
                 *slot = Mailbox::Empty;
                 return true;
             }
             Mailbox::Learned(health) => {
                 if estimator.params.is_some() {
-                    estimator.go_on_with(health);
+                    estimator.resume_with(health);
                 }
                 *slot = Mailbox::Empty;
             }
-            Mailbox::Asked { record, is_told } if estimator.params.is_some() => {
-                if !*is_told {
-                    estimator.tell(record);
-                    *is_told = true;
+            Mailbox::Requested { record, is_filled } if estimator.params.is_some() => {
+                if !*is_filled {
+                    estimator.export_learned(record);
+                    *is_filled = true;
                 }
             }
-            Mailbox::Asked { .. } => *slot = Mailbox::Empty,
+            Mailbox::Requested { .. } => *slot = Mailbox::Empty,
         }
         false
     }
@@ -157,19 +157,19 @@ impl<M: RawMutex> Handover<M> {
 // Not inlined, each of them: what one copies would lie on the stack beside what the others do.
 impl Estimator {
     #[inline(never)]
-    fn begin_anew(&mut self) {
+    fn reset(&mut self) {
         self.state = State::new();
-        self.trust = ConsistencyCheck::new();
+        self.consistency = ConsistencyCheck::new();
     }
 
     #[inline(never)]
-    fn go_on_with(&mut self, health: &HealthState) {
+    fn resume_with(&mut self, health: &HealthState) {
         self.state = State::with_health(health.clone());
-        self.trust = ConsistencyCheck::new();
+        self.consistency = ConsistencyCheck::new();
     }
 
     #[inline(never)]
-    fn tell(&self, record: &mut HealthRecord) {
+    fn export_learned(&self, record: &mut HealthRecord) {
         record.calibration_crc = self.calibration.crc;
         record.state.clone_from(self.state.health());
     }

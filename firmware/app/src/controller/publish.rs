@@ -33,9 +33,9 @@ pub async fn run_publish<M: RawMutex>(
     start: Instant,
     to: &mut impl Publish,
 ) -> ! {
-    let mut pace = Ticker::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
+    let mut ticker = Ticker::new(start, PUBLISH_PERIOD, &controller.task_stats.publish);
     loop {
-        pace.turn().await;
+        ticker.cycle().await;
         let now = now();
         let estimate = controller.output(now);
         to.publish(now, &estimate, controller.sample().as_ref()).await;

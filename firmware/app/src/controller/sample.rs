@@ -74,7 +74,7 @@ impl Default for SensorsMemory {
 }
 
 /// Turns of this task for one of `estimate`.
-const TURNS: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
+const CYCLES: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
 
 /// Samples for ever.
 pub async fn run_sample<M: RawMutex>(
@@ -84,17 +84,17 @@ pub async fn run_sample<M: RawMutex>(
     front_end: &mut impl FrontEnd,
     memory: &mut SensorsMemory,
 ) -> ! {
-    let mut pace = Ticker::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
+    let mut ticker = Ticker::new(start, SAMPLE_PERIOD, &controller.task_stats.sample);
     let SensorsMemory { state, inputs } = memory;
-    let mut turn: u64 = 0;
+    let mut cycle: u64 = 0;
     let mut faulty = false;
     loop {
-        pace.turn().await;
+        ticker.cycle().await;
         front_end.read(params.inputs(), inputs).await;
         state.observe(params, now(), inputs);
-        turn = turn.wrapping_add(1);
-        if turn.is_multiple_of(TURNS) {
-            let faults = put_together(controller, params, state);
+        cycle = cycle.wrapping_add(1);
+        if cycle.is_multiple_of(CYCLES) {
+            let faults = publish_sample(controller, params, state);
             if faults != faulty {
                 // Which one, and how, is logged as a trouble.
                 warning!("sensors failed: {=bool}", faults);
@@ -107,7 +107,7 @@ pub async fn run_sample<M: RawMutex>(
 /// Makes the sample for `estimate`; whether a sensor has failed that it cannot do without.
 // Not inlined: a sample would lie in the task's memory for good.
 #[inline(never)]
-fn put_together<M: RawMutex>(
+fn publish_sample<M: RawMutex>(
     controller: &Controller<M>,
     params: &SensorsParams,
     state: &mut SensorsState,

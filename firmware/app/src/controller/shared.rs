@@ -38,20 +38,20 @@ pub enum NoEstimate {
 pub struct Controller<M: RawMutex> {
     sample: Mutex<M, Cell<Option<Sample>>>,
     estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
-    told_at: Mutex<M, Cell<Micros>>,
+    estimated_at: Mutex<M, Cell<Micros>>,
     calibration: Mutex<M, Cell<Option<CalibrationState>>>,
     faults: Mutex<M, RefCell<FaultMemory>>,
-    operated_before_s: AtomicU32,
+    previous_operating_s: AtomicU32,
     writing: AtomicU8,
     /// Parameters and learned health on their way between [`run_storage`] and [`run_estimate`].
-    pub exchange: Handover<M>,
+    pub handover: Handover<M>,
     /// Commands of a calibration update: who sent them, and their bytes.
     pub commands: Queue<M, (u8, [u8; 8]), QUEUE>,
     /// Answers to them: for whom, and their bytes.
     pub answers: Queue<M, (u8, [u8; 8]), QUEUE>,
     external_oil_temperature: Mutex<M, Cell<Reading<Celsius>>>,
     /// How every task is doing.
-    pub vitals: AllTaskStats,
+    pub task_stats: AllTaskStats,
 }
 
 impl<M: RawMutex> Controller<M> {
@@ -61,16 +61,16 @@ impl<M: RawMutex> Controller<M> {
         Self {
             sample: Mutex::new(Cell::new(None)),
             estimate: Mutex::new(Cell::new(None)),
-            told_at: Mutex::new(Cell::new(Micros(0))),
+            estimated_at: Mutex::new(Cell::new(Micros(0))),
             calibration: Mutex::new(Cell::new(None)),
             faults: Mutex::new(RefCell::new(FaultMemory::new())),
-            operated_before_s: AtomicU32::new(0),
+            previous_operating_s: AtomicU32::new(0),
             writing: AtomicU8::new(0),
-            exchange: Handover::new(),
+            handover: Handover::new(),
             commands: Queue::new(),
             answers: Queue::new(),
             external_oil_temperature: Mutex::new(Cell::new(Reading::not_fitted())),
-            vitals: AllTaskStats::new(),
+            task_stats: AllTaskStats::new(),
         }
     }
 
@@ -85,7 +85,7 @@ impl<M: RawMutex> Controller<M> {
     /// When there is no estimate, or only one that is too old.
     pub fn output(&self, now: Micros) -> Result<Estimate, NoEstimate> {
         let latest = self.estimate.lock(Cell::get).unwrap_or(Err(NoEstimate::Starting));
-        let age_us = now.0.saturating_sub(self.told_at.lock(Cell::get).0);
+        let age_us = now.0.saturating_sub(self.estimated_at.lock(Cell::get).0);
         if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
     }
 
@@ -104,34 +104,34 @@ impl<M: RawMutex> Controller<M> {
     }
 
     /// What is measured now, at the present operating time.
-    pub(super) fn snapshot(&self) -> FreezeFrame {
+    pub(super) fn freeze_frame(&self) -> FreezeFrame {
         let operating_s = self.operating_s(now());
         self.sample().map_or(FreezeFrame::at(operating_s), |sample| FreezeFrame::of(operating_s, &sample))
     }
 
-    pub(super) fn happened(&self, code: FaultCode) {
+    pub(super) fn record_fault_event(&self, code: FaultCode) {
         info!("trouble {}", code);
-        let snapshot = self.snapshot();
-        self.faults(|memory| memory.happened(code, snapshot));
+        let frame = self.freeze_frame();
+        self.faults(|memory| memory.record_event(code, frame));
     }
 
-    pub(super) fn confirmed(&self, code: FaultCode) {
-        let snapshot = self.snapshot();
-        self.faults(|memory| memory.confirmed(code, snapshot));
+    pub(super) fn confirm_fault(&self, code: FaultCode) {
+        let frame = self.freeze_frame();
+        self.faults(|memory| memory.confirm(code, frame));
     }
 
-    pub(super) fn healed(&self, code: FaultCode) {
-        self.faults(|memory| memory.healed(code));
+    pub(super) fn heal_fault(&self, code: FaultCode) {
+        self.faults(|memory| memory.heal(code));
     }
 
     /// Operating time of the controller at `now`, in seconds: that of earlier runs and that of this one.
     pub fn operating_s(&self, now: Micros) -> u32 {
         let this_run_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
-        self.operated_before_s.load(Ordering::Relaxed).saturating_add(this_run_s)
+        self.previous_operating_s.load(Ordering::Relaxed).saturating_add(this_run_s)
     }
 
-    pub(super) fn set_operated_before(&self, seconds: u32) {
-        self.operated_before_s.store(seconds, Ordering::Relaxed);
+    pub(super) fn set_previous_operating_s(&self, seconds: u32) {
+        self.previous_operating_s.store(seconds, Ordering::Relaxed);
     }
 
     /// The record that is being written to flash, if any.
@@ -157,7 +157,7 @@ impl<M: RawMutex> Controller<M> {
 
     pub(super) fn set_estimate(&self, now: Micros, estimate: Result<Estimate, NoEstimate>) {
         self.estimate.lock(|cell| cell.set(Some(estimate)));
-        self.told_at.lock(|cell| cell.set(now));
+        self.estimated_at.lock(|cell| cell.set(now));
     }
 }
 

@@ -30,9 +30,9 @@ use crate::storage::{CrashReport, HealthRecord, OperatingCounters, Record, Recor
 use crate::update::{CommandOutcome, KeySource, UpdateService, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
-const UNCALIBRATED_LEAST: Megapascal = Megapascal(2.0);
+const UNCALIBRATED_MIN_DIFFERENCE: Megapascal = Megapascal(2.0);
 /// How often it is looked whether the estimator has taken what it was given.
-const GLANCE: Duration = Duration::from_millis(2);
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 
 /// Why this run began.
 #[derive(Debug, Clone)]
@@ -40,7 +40,7 @@ pub struct StartReason {
     /// As the hardware tells.
     pub cause: ResetCause,
     /// What the run before left.
-    pub note: Option<CrashRecord>,
+    pub crash_record: Option<CrashRecord>,
 }
 
 /// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
@@ -51,8 +51,8 @@ pub struct StorageTask<'d, F: NorFlash, K> {
     /// What the run before left.
     stop: Option<CrashReport>,
     /// Hours and starts as they were at the start of this run.
-    life: OperatingCounters,
-    least_difference: Megapascal,
+    counters: OperatingCounters,
+    min_pressure_difference: Megapascal,
     /// Level, its error and changes of learned health when it was last written.
     written: Option<(u32, u32, u16)>,
     faults_changed: bool,
@@ -61,14 +61,14 @@ pub struct StorageTask<'d, F: NorFlash, K> {
 
 impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
     /// Puts together what the task needs.
-    pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, begin: StartReason) -> Self {
+    pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, start: StartReason) -> Self {
         Self {
             service,
             schedule: WriteSchedule::new(rates),
-            cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
-            stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
-            life: OperatingCounters::new(),
-            least_difference: UNCALIBRATED_LEAST,
+            cause: crash_log::reset_cause(start.cause, start.crash_record.as_ref()),
+            stop: start.crash_record.map(|crash| CrashReport { operating_s: 0, crash }),
+            counters: OperatingCounters::new(),
+            min_pressure_difference: UNCALIBRATED_MIN_DIFFERENCE,
             written: None,
             faults_changed: false,
             missed: 0,
@@ -84,29 +84,29 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         let crc = await_outlined!(self.load(controller));
         // Learned health is for the calibration in use: that one first.
         while let Some(crc) = crc {
-            let mut slot = controller.exchange.lock().await;
+            let mut slot = controller.handover.lock().await;
             if matches!(*slot, Mailbox::Empty) {
                 let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
                 await_outlined!(self.service.store().read_to(to)).ok();
                 break;
             }
             drop(slot);
-            Timer::after(GLANCE).await;
+            Timer::after(POLL_PERIOD).await;
         }
         let to = |faults: &mut FaultMemory| controller.faults(|memory| memory.restore(faults));
         await_outlined!(self.service.store().read_to(to)).ok();
-        if let Ok(Some(life)) = self.service.store().read().await {
-            self.life = life;
+        if let Ok(Some(counters)) = self.service.store().read().await {
+            self.counters = counters;
         }
-        self.begin(controller).await;
+        self.record_start(controller).await;
     }
 
     /// Finds the calibration to use and hands it over; its CRC.
     async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
-        let mut slot = controller.exchange.lock().await;
+        let mut slot = controller.handover.lock().await;
         let opened = await_outlined!(self.service.open(&mut *slot));
-        if let Some(code) = opened.trouble {
-            controller.confirmed(code);
+        if let Some(code) = opened.fault {
+            controller.confirm_fault(code);
         }
         if opened.adopted.is_none() {
             warning!("no calibration: nothing is estimated until one comes over the bus");
@@ -115,30 +115,31 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         self.hand_over(&mut slot, opened.adopted)
     }
 
-    async fn begin<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        controller.set_operated_before(self.life.operating_s);
-        if let Some(code) = self.cause.trouble() {
-            controller.happened(code);
+    async fn record_start<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        controller.set_previous_operating_s(self.counters.operating_s);
+        if let Some(code) = self.cause.fault_code() {
+            controller.record_fault_event(code);
         }
-        self.life.started(self.cause);
+        self.counters.count_start(self.cause);
         info!(
             "start {=u32} after {=u32} s of operation, by {}",
-            self.life.starts, self.life.operating_s, self.cause
+            self.counters.starts, self.counters.operating_s, self.cause
         );
-        let life = self.life;
-        keep(&mut self.service, controller, &life).await;
+        let counters = self.counters;
+        write_record(&mut self.service, controller, &counters).await;
         if let Some(stop) = &mut self.stop {
-            stop.operating_s = life.operating_s;
-            keep(&mut self.service, controller, stop).await;
+            stop.operating_s = counters.operating_s;
+            write_record(&mut self.service, controller, stop).await;
         }
     }
 
     /// Takes a tool's command and leaves the answer for the bus.
-    async fn take<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
-        let loaded = controller.sample().is_none_or(|sample| is_loaded(&sample, self.least_difference));
+    async fn handle_command<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
+        let loaded =
+            controller.sample().is_none_or(|sample| is_loaded(&sample, self.min_pressure_difference));
         // An update takes the place of what has been learned and is to be written yet.
-        await_outlined!(self.keep_told(controller));
-        let mut slot = controller.exchange.lock().await;
+        await_outlined!(self.write_learned(controller));
+        let mut slot = controller.handover.lock().await;
         controller.set_writing(Some(RecordKind::Calibration));
         let handled = await_outlined!(self.service.receive(now(), tool, command, loaded, &mut *slot));
         controller.set_writing(None);
@@ -151,30 +152,30 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
     /// Hands the parameters that were made over to the estimator; the calibration's CRC.
     fn hand_over(&mut self, slot: &mut Mailbox, adopted: Option<CalibrationState>) -> Option<u32> {
         let calibration = adopted?;
-        self.least_difference = slot.params()?.limits().min_pressure_difference;
-        slot.hand_over(calibration);
+        self.min_pressure_difference = slot.params()?.limits().min_pressure_difference;
+        slot.release(calibration);
         Some(calibration.crc)
     }
 
     /// Writes what has been learned, where `estimate` has told it; false where not.
-    async fn keep_told<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
-        let mut slot = controller.exchange.lock().await;
-        let Mailbox::Asked { record, is_told: true } = &*slot else { return false };
-        keep(&mut self.service, controller, record).await;
+    async fn write_learned<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
+        let mut slot = controller.handover.lock().await;
+        let Mailbox::Requested { record, is_filled: true } = &*slot else { return false };
+        write_record(&mut self.service, controller, record).await;
         *slot = Mailbox::Empty;
         true
     }
 
     /// What is due once a second.
-    async fn turn<M: RawMutex>(&mut self, controller: &Controller<M>) {
+    async fn cycle<M: RawMutex>(&mut self, controller: &Controller<M>) {
         answer(controller, &self.service.poll(now()));
-        self.look_for_overruns(controller);
+        self.check_overruns(controller);
         // Asked for a second ago.
-        if await_outlined!(self.keep_told(controller)) {
+        if await_outlined!(self.write_learned(controller)) {
             return;
         }
         // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
-        if !matches!(*controller.exchange.lock().await, Mailbox::Empty) {
+        if !matches!(*controller.handover.lock().await, Mailbox::Empty) {
             return;
         }
         self.faults_changed |= controller.faults(|memory| memory.take_changed());
@@ -184,56 +185,56 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
             DueWrite::Nothing => {}
             DueWrite::Faults => {
                 self.faults_changed = false;
-                await_outlined!(self.keep_faults(controller));
+                await_outlined!(self.write_faults(controller));
             }
             DueWrite::Health => {
                 self.written = health;
-                controller.exchange.lock().await.ask();
+                controller.handover.lock().await.request_learned();
             }
             DueWrite::OperatingCounters => {
-                let life = self.life_at(now());
-                keep(&mut self.service, controller, &life).await;
+                let counters = self.counters_at(now());
+                write_record(&mut self.service, controller, &counters).await;
             }
         }
     }
 
-    async fn keep_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        let mut slot = controller.exchange.lock().await;
+    async fn write_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let mut slot = controller.handover.lock().await;
         // A copy, because others are locked out while it is looked at.
         copy_faults(controller, &mut slot);
         if let Mailbox::Faults(faults) = &*slot {
-            keep(&mut self.service, controller, faults).await;
+            write_record(&mut self.service, controller, faults).await;
         }
         *slot = Mailbox::Empty;
     }
 
-    fn life_at(&self, now: Micros) -> OperatingCounters {
-        let mut life = self.life;
-        life.ran(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
-        life
+    fn counters_at(&self, now: Micros) -> OperatingCounters {
+        let mut counters = self.counters;
+        counters.add_operating_time(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
+        counters
     }
 
-    fn look_for_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
+    fn check_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let missed =
-            controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
+            controller.task_stats.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
-            controller.happened(FaultCode::Overrun);
+            controller.record_fault_event(FaultCode::Overrun);
         }
         self.missed = missed;
     }
 }
 
 /// Writes a record, and says that it does.
-async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
+async fn write_record<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
     service: &mut UpdateService<'_, F, K>,
     controller: &Controller<M>,
     record: &R,
 ) {
     controller.set_writing(Some(R::KIND));
-    let result = await_outlined!(service.keep(record));
+    let result = await_outlined!(service.write(record));
     controller.set_writing(None);
-    told(controller, result);
+    report_result(controller, result);
 }
 
 // Not inlined: the copy would lie in the task's memory for good.
@@ -248,12 +249,12 @@ fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16
     Some((health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes))
 }
 
-fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
+fn report_result<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
     match result {
-        Ok(()) => controller.healed(FaultCode::StorageFailed),
+        Ok(()) => controller.heal_fault(FaultCode::StorageFailed),
         Err(error) => {
             warning!("the flash refuses: {}", error);
-            controller.confirmed(FaultCode::StorageFailed);
+            controller.confirm_fault(FaultCode::StorageFailed);
         }
     }
 }
@@ -261,14 +262,14 @@ fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>)
 /// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
 fn restore(slot: &mut Mailbox, crc: u32, record: &HealthRecord) {
     match record.for_calibration(crc) {
-        Some(state) if state.is_sound() => slot.learned(state),
+        Some(state) if state.is_sound() => slot.put_learned(state),
         _ => warning!("learned health is of another calibration: it is learned anew"),
     }
 }
 
 fn answer<M: RawMutex>(controller: &Controller<M>, handled: &CommandOutcome) {
-    if let Some(code) = handled.trouble {
-        controller.happened(code);
+    if let Some(code) = handled.fault {
+        controller.record_fault_event(code);
     }
     if let Some((tool, answer)) = handled.answer {
         // A tool that asks faster than the bus takes answers loses them, and asks again.
@@ -280,20 +281,20 @@ fn answer<M: RawMutex>(controller: &Controller<M>, handled: &CommandOutcome) {
 pub async fn run_storage<M: RawMutex, F: NorFlash, K: KeySource>(
     controller: &Controller<M>,
     start: Instant,
-    keeper: &mut StorageTask<'_, F, K>,
+    task: &mut StorageTask<'_, F, K>,
 ) -> ! {
-    keeper.open(controller).await;
-    let mut pace = Ticker::new(start, STORE_PERIOD, &controller.vitals.store);
+    task.open(controller).await;
+    let mut ticker = Ticker::new(start, STORE_PERIOD, &controller.task_stats.store);
     loop {
-        let due = pace.end();
+        let due = ticker.end_cycle();
         // Commands in between; not without end, or a tool that floods would keep the task from its turns.
         while Instant::now() < due {
             match with_deadline(due, controller.commands.receive()).await {
-                Ok((tool, command)) => keeper.take(controller, tool, command).await,
+                Ok((tool, command)) => task.handle_command(controller, tool, command).await,
                 Err(_) => break,
             }
         }
-        pace.begin();
-        keeper.turn(controller).await;
+        ticker.begin_cycle();
+        task.cycle(controller).await;
     }
 }

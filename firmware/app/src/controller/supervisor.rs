@@ -1,6 +1,6 @@
-//! Task `supervise`: feeds the watchdog while every task comes to its turns, and only then.
+//! Task `supervise`: feeds the watchdog while every task comes to its cycles, and only then.
 //!
-//! A task is overdue when its turns have stood still for longer than it may be silent. The watchdog is then not fed any
+//! A task is overdue when its cycles have stood still for longer than it may be silent. The watchdog is then not fed any
 //! more, for good: a task that comes back late has been dead, and what it left behind is not to be trusted. The hardware
 //! resets, and the note of which task it was is in memory that survives the reset.
 
@@ -50,12 +50,12 @@ impl Task {
         }
     }
 
-    fn vital(self, vitals: &AllTaskStats) -> &TaskStats {
+    fn stats(self, task_stats: &AllTaskStats) -> &TaskStats {
         match self {
-            Self::Sample => &vitals.sample,
-            Self::Estimate => &vitals.estimate,
-            Self::Publish => &vitals.publish,
-            Self::Store => &vitals.store,
+            Self::Sample => &task_stats.sample,
+            Self::Estimate => &task_stats.estimate,
+            Self::Publish => &task_stats.publish,
+            Self::Store => &task_stats.store,
         }
     }
 }
@@ -72,7 +72,7 @@ pub trait Watchdog {
 /// Which tasks have come to their turns.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
-    seen: [(u32, Instant); Task::ALL.len()],
+    observed: [(u32, Instant); Task::ALL.len()],
     overdue: Option<Task>,
 }
 
@@ -80,17 +80,17 @@ impl Supervisor {
     /// At the start of the tasks.
     #[must_use]
     pub const fn new(start: Instant) -> Self {
-        Self { seen: [(0, start); Task::ALL.len()], overdue: None }
+        Self { observed: [(0, start); Task::ALL.len()], overdue: None }
     }
 
     /// Looks at every task; the first one that is overdue, once found, for good.
     // Not inlined: the proof of the stacks knows the task by it.
     #[inline(never)]
-    pub fn look(&mut self, vitals: &AllTaskStats, now: Instant) -> Option<Task> {
-        for (task, (turns, since)) in Task::ALL.into_iter().zip(&mut self.seen) {
-            let turns_now = task.vital(vitals).read().turns;
-            if turns_now != *turns {
-                (*turns, *since) = (turns_now, now);
+    pub fn check(&mut self, task_stats: &AllTaskStats, now: Instant) -> Option<Task> {
+        for (task, (cycles, since)) in Task::ALL.into_iter().zip(&mut self.observed) {
+            let cycles_now = task.stats(task_stats).read().cycles;
+            if cycles_now != *cycles {
+                (*cycles, *since) = (cycles_now, now);
             } else if now.saturating_duration_since(*since) > task.timeout() + SUPERVISE_PERIOD {
                 self.overdue.get_or_insert(task);
             }
@@ -105,12 +105,12 @@ pub async fn run_supervise<M: RawMutex>(
     start: Instant,
     watchdog: &mut impl Watchdog,
 ) -> ! {
-    let mut pace = Ticker::new(start, SUPERVISE_PERIOD, &controller.vitals.supervise);
+    let mut ticker = Ticker::new(start, SUPERVISE_PERIOD, &controller.task_stats.supervise);
     let mut supervisor = Supervisor::new(start);
     let mut given_up = false;
     loop {
-        let now = pace.turn().await;
-        match supervisor.look(&controller.vitals, now) {
+        let now = ticker.cycle().await;
+        match supervisor.check(&controller.task_stats, now) {
             None => watchdog.feed(),
             Some(task) if !given_up => {
                 warning!("task {} is overdue: the watchdog starves", task.name());

@@ -1,4 +1,4 @@
-//! How a task is doing: turns, deadlines, lateness, time taken.
+//! How a task is doing: cycles, deadlines, lateness, time taken.
 //!
 //! Each figure has one task that writes it, so plain loads and stores suffice.
 
@@ -7,14 +7,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_time::Duration;
 use serde::{Deserialize, Serialize};
 
-/// One task's figures; each stays at its maximum instead of wrapping, but for the turns, which wrap.
+/// One task's figures; each stays at its maximum instead of wrapping, but for the cycles, which wrap.
 #[derive(Debug)]
 pub struct TaskStats {
-    turns: AtomicU32,
+    cycles: AtomicU32,
     missed: AtomicU32,
     skipped: AtomicU32,
-    latest_us: AtomicU32,
-    longest_us: AtomicU32,
+    max_jitter_us: AtomicU32,
+    max_execution_us: AtomicU32,
 }
 
 /// One task's figures at one time.
@@ -22,25 +22,25 @@ pub struct TaskStats {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TaskStatsSnapshot {
     /// Turns begun since start, modulo 2^32.
-    pub turns: u32,
+    pub cycles: u32,
     /// Turns that were not done when the next one was due.
     pub missed: u32,
     /// Turns that were left out because an earlier one took so long.
     pub skipped: u32,
     /// Longest time from when a turn was due to its beginning, us: the jitter.
-    pub latest_us: u32,
+    pub max_jitter_us: u32,
     /// Longest turn, us, with what interrupted it.
-    pub longest_us: u32,
+    pub max_execution_us: u32,
 }
 
 impl TaskStats {
     const fn new() -> Self {
         Self {
-            turns: AtomicU32::new(0),
+            cycles: AtomicU32::new(0),
             missed: AtomicU32::new(0),
             skipped: AtomicU32::new(0),
-            latest_us: AtomicU32::new(0),
-            longest_us: AtomicU32::new(0),
+            max_jitter_us: AtomicU32::new(0),
+            max_execution_us: AtomicU32::new(0),
         }
     }
 
@@ -48,24 +48,24 @@ impl TaskStats {
     #[must_use]
     pub fn read(&self) -> TaskStatsSnapshot {
         TaskStatsSnapshot {
-            turns: self.turns.load(Ordering::Relaxed),
+            cycles: self.cycles.load(Ordering::Relaxed),
             missed: self.missed.load(Ordering::Relaxed),
             skipped: self.skipped.load(Ordering::Relaxed),
-            latest_us: self.latest_us.load(Ordering::Relaxed),
-            longest_us: self.longest_us.load(Ordering::Relaxed),
+            max_jitter_us: self.max_jitter_us.load(Ordering::Relaxed),
+            max_execution_us: self.max_execution_us.load(Ordering::Relaxed),
         }
     }
 
-    pub(super) fn begins(&self, late: Duration) {
-        self.turns.store(self.turns.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
-        raise(&self.latest_us, late);
+    pub(super) fn record_start(&self, late: Duration) {
+        self.cycles.store(self.cycles.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+        raise(&self.max_jitter_us, late);
     }
 
-    pub(super) fn took(&self, time: Duration) {
-        raise(&self.longest_us, time);
+    pub(super) fn record_execution(&self, time: Duration) {
+        raise(&self.max_execution_us, time);
     }
 
-    pub(super) fn misses(&self, skipped: u64) {
+    pub(super) fn record_miss(&self, skipped: u64) {
         add(&self.missed, 1);
         add(&self.skipped, skipped);
     }

@@ -12,7 +12,7 @@ pub struct WriteScheduleConfig {
     /// Time between two writes of learned health, s: what a power cut may lose of it.
     pub health_s: u32,
     /// Time between two writes of the hours, s: what a power cut may lose of them.
-    pub life_s: u32,
+    pub counters_s: u32,
     /// Writes of the fault memory that may follow each other, when none has been written for long.
     pub fault_burst: u8,
     /// Time after which one more write of the fault memory is allowed, s.
@@ -21,7 +21,7 @@ pub struct WriteScheduleConfig {
 
 impl WriteScheduleConfig {
     /// Rates for a vehicle: `docs/storage.md` has the years that follow.
-    pub const VEHICLE: Self = Self { health_s: 600, life_s: 600, fault_burst: 6, fault_refill_s: 600 };
+    pub const VEHICLE: Self = Self { health_s: 600, counters_s: 600, fault_burst: 6, fault_refill_s: 600 };
 }
 
 /// Why rates are refused.
@@ -30,7 +30,7 @@ impl WriteScheduleConfig {
 pub enum WriteScheduleError {
     /// [`WriteScheduleConfig::health_s`] is not within 1 to 86 400 s.
     Health,
-    /// [`WriteScheduleConfig::life_s`] is not within 1 to 86 400 s.
+    /// [`WriteScheduleConfig::counters_s`] is not within 1 to 86 400 s.
     OperatingCounters,
     /// [`WriteScheduleConfig::fault_burst`] is 0, or [`WriteScheduleConfig::fault_refill_s`] not within 1 to 86 400 s.
     Faults,
@@ -40,7 +40,7 @@ pub enum WriteScheduleError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteScheduleParams {
     health_s: u32,
-    life_s: u32,
+    counters_s: u32,
     fault_burst: u8,
     fault_refill_s: u32,
 }
@@ -57,20 +57,20 @@ impl WriteScheduleParams {
         if !is_span(config.health_s) {
             return Err(WriteScheduleError::Health);
         }
-        if !is_span(config.life_s) {
+        if !is_span(config.counters_s) {
             return Err(WriteScheduleError::OperatingCounters);
         }
         if config.fault_burst == 0 || !is_span(config.fault_refill_s) {
             return Err(WriteScheduleError::Faults);
         }
-        let WriteScheduleConfig { health_s, life_s, fault_burst, fault_refill_s } = *config;
-        Ok(Self { health_s, life_s, fault_burst, fault_refill_s })
+        let WriteScheduleConfig { health_s, counters_s, fault_burst, fault_refill_s } = *config;
+        Ok(Self { health_s, counters_s, fault_burst, fault_refill_s })
     }
 }
 
 /// Time after the start before which neither faults nor health are written, s: a controller that starts over and over wears
 /// its flash by the few bytes of the hours only.
-const SETTLE_S: u32 = 2;
+const HOLDOFF_S: u32 = 2;
 
 /// What is to be written in a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +86,7 @@ pub(super) enum DueWrite {
 pub(super) struct WriteSchedule {
     params: WriteScheduleParams,
     health_at_s: u32,
-    life_at_s: u32,
+    counters_at_s: u32,
     fault_writes_left: u8,
     refilled_at_s: u32,
 }
@@ -94,7 +94,13 @@ pub(super) struct WriteSchedule {
 impl WriteSchedule {
     /// At the start, when the hours have just been written.
     pub const fn new(params: WriteScheduleParams) -> Self {
-        Self { params, health_at_s: 0, life_at_s: 0, fault_writes_left: params.fault_burst, refilled_at_s: 0 }
+        Self {
+            params,
+            health_at_s: 0,
+            counters_at_s: 0,
+            fault_writes_left: params.fault_burst,
+            refilled_at_s: 0,
+        }
     }
 
     /// What is due at `now`. `faults_changed` and `health_changed`: since they were last written. What is returned counts as
@@ -106,19 +112,19 @@ impl WriteSchedule {
             self.refilled_at_s = now_s;
             self.fault_writes_left = self.fault_writes_left.saturating_add(1).min(self.params.fault_burst);
         }
-        if now_s >= SETTLE_S && faults_changed && self.fault_writes_left > 0 {
+        if now_s >= HOLDOFF_S && faults_changed && self.fault_writes_left > 0 {
             if self.fault_writes_left == self.params.fault_burst {
                 self.refilled_at_s = now_s;
             }
             self.fault_writes_left = self.fault_writes_left.saturating_sub(1);
             return DueWrite::Faults;
         }
-        if now_s >= SETTLE_S && health_changed && since(self.health_at_s) >= self.params.health_s {
+        if now_s >= HOLDOFF_S && health_changed && since(self.health_at_s) >= self.params.health_s {
             self.health_at_s = now_s;
             return DueWrite::Health;
         }
-        if since(self.life_at_s) >= self.params.life_s {
-            self.life_at_s = now_s;
+        if since(self.counters_at_s) >= self.params.counters_s {
+            self.counters_at_s = now_s;
             return DueWrite::OperatingCounters;
         }
         DueWrite::Nothing
@@ -142,7 +148,7 @@ mod tests {
         let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
             (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
-            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
+            (WriteScheduleConfig { counters_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
             (WriteScheduleConfig { fault_burst: 0, ..good }, WriteScheduleError::Faults),
             (WriteScheduleConfig { fault_refill_s: 0, ..good }, WriteScheduleError::Faults),
         ] {

@@ -53,7 +53,7 @@ pub struct CrashRecord {
 /// Why the controller started: what the note says where there is one, since the hardware sees a panic as a reset that was
 /// asked for; else what the hardware says.
 #[must_use]
-pub fn cause_of(hardware: ResetCause, note: Option<&CrashRecord>) -> ResetCause {
+pub fn reset_cause(hardware: ResetCause, note: Option<&CrashRecord>) -> ResetCause {
     match note.map(|note| note.kind) {
         Some(CrashKind::Panic | CrashKind::HardFault) => ResetCause::Panic,
         Some(CrashKind::Overdue) => ResetCause::Watchdog,

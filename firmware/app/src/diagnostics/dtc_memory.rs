@@ -218,7 +218,7 @@ impl FaultMemory {
 
     /// All troubles as they are told.
     #[must_use]
-    pub fn troubles(&self) -> DtcList {
+    pub fn reports(&self) -> DtcList {
         let short = |entry: &DtcEntry| DtcReport {
             dtc: entry.dtc,
             active: entry.active,
@@ -235,21 +235,21 @@ impl FaultMemory {
 
     /// A debounced trouble stands at this stage now. To be called whenever it may have changed; calls that change nothing
     /// change nothing here.
-    pub fn follows(&mut self, code: FaultCode, stage: Stage, snapshot: FreezeFrame) {
+    pub fn set_status(&mut self, code: FaultCode, stage: Stage, snapshot: FreezeFrame) {
         match stage {
-            Stage::Confirmed => self.confirmed(code, snapshot),
-            Stage::Healed | Stage::Absent => self.healed(code),
+            Stage::Confirmed => self.confirm(code, snapshot),
+            Stage::Healed | Stage::Absent => self.heal(code),
             Stage::Pending => {}
         }
     }
 
     /// A trouble is there. Counted once until it has healed.
-    pub fn confirmed(&mut self, code: FaultCode, snapshot: FreezeFrame) {
-        self.occurs(code, snapshot, true);
+    pub fn confirm(&mut self, code: FaultCode, snapshot: FreezeFrame) {
+        self.record(code, snapshot, true);
     }
 
     /// A trouble is no longer there.
-    pub fn healed(&mut self, code: FaultCode) {
+    pub fn heal(&mut self, code: FaultCode) {
         let dtc = code.dtc();
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == dtc && entry.active) {
             entry.active = false;
@@ -258,8 +258,8 @@ impl FaultMemory {
     }
 
     /// Something happened that has no duration: a refused update, a restart.
-    pub fn happened(&mut self, code: FaultCode, snapshot: FreezeFrame) {
-        self.occurs(code, snapshot, false);
+    pub fn record_event(&mut self, code: FaultCode, snapshot: FreezeFrame) {
+        self.record(code, snapshot, false);
     }
 
     /// Takes over what an earlier run left in flash; what has happened in this run already comes on top. Nothing of the
@@ -273,7 +273,7 @@ impl FaultMemory {
         self.lost = self.lost.saturating_add(since_start.lost);
         self.changed |= since_start.changed;
         for entry in &since_start.entries {
-            self.takes(entry);
+            self.merge(entry);
         }
     }
 
@@ -285,13 +285,13 @@ impl FaultMemory {
         self.lost = 0;
     }
 
-    fn occurs(&mut self, code: FaultCode, snapshot: FreezeFrame, active: bool) {
+    fn record(&mut self, code: FaultCode, snapshot: FreezeFrame, active: bool) {
         let dtc = code.dtc();
-        self.takes(&DtcEntry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
+        self.merge(&DtcEntry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
     }
 
     /// Adds occurrences of a trouble to those that are known, or finds a place for the first ones.
-    fn takes(&mut self, new: &DtcEntry) {
+    fn merge(&mut self, new: &DtcEntry) {
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == new.dtc) {
             if entry.active && new.active {
                 return;
@@ -332,37 +332,37 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
         sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
-        memory.confirmed(code, FreezeFrame::of(100, &sample));
-        memory.confirmed(code, FreezeFrame::at(101));
+        memory.confirm(code, FreezeFrame::of(100, &sample));
+        memory.confirm(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, Stage::Pending, FreezeFrame::at(150));
+        memory.set_status(code, Stage::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, Stage::Healed, FreezeFrame::at(200));
+        memory.set_status(code, Stage::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
-        memory.confirmed(code, FreezeFrame::at(300));
+        memory.confirm(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();
         assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
         assert_eq!(entry.first.displacement(), Some(Ratio(-0.5)));
         assert_eq!(entry.first.high_pressure(), None);
-        assert_eq!(memory.troubles().lamp(), Lamp::Amber);
+        assert_eq!(memory.reports().lamp(), Lamp::Amber);
         assert!(memory.take_changed() && !memory.take_changed());
     }
 
     #[test]
     fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
         let mut memory = FaultMemory::new();
-        memory.confirmed(sensor(Fault::Open), FreezeFrame::at(1));
-        memory.happened(FaultCode::Watchdog, FreezeFrame::at(2));
+        memory.confirm(sensor(Fault::Open), FreezeFrame::at(1));
+        memory.record_event(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
             for refusal in RejectReason::ALL {
-                memory.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
+                memory.record_event(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
             }
         }
         assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
         assert_eq!(memory.entries().len(), CAPACITY);
         // And what happens to the machine finds a place in the full memory.
-        memory.confirmed(FaultCode::Wear, FreezeFrame::at(50));
+        memory.confirm(FaultCode::Wear, FreezeFrame::at(50));
         assert!(memory.get(FaultCode::Wear).is_some());
     }
 
@@ -371,12 +371,12 @@ mod tests {
         let mut memory = FaultMemory::new();
         let codes: std::vec::Vec<FaultCode> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
-            memory.confirmed(*code, FreezeFrame::at(i as u32));
+            memory.confirm(*code, FreezeFrame::at(i as u32));
         }
         assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
         assert_eq!(memory.lost(), 3);
-        memory.healed(codes[4]);
-        memory.confirmed(codes[CAPACITY], FreezeFrame::at(99));
+        memory.heal(codes[4]);
+        memory.confirm(codes[CAPACITY], FreezeFrame::at(99));
         assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
         memory.clear_previous();
         assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
@@ -386,7 +386,7 @@ mod tests {
     fn occurrences_stay_at_what_the_bus_can_tell() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
-            memory.happened(FaultCode::Watchdog, FreezeFrame::at(i));
+            memory.record_event(FaultCode::Watchdog, FreezeFrame::at(i));
         }
         assert_eq!(memory.get(FaultCode::Watchdog).unwrap().occurrences, 126);
     }

@@ -29,7 +29,7 @@ pub enum ResetCause {
 impl ResetCause {
     /// The trouble that a start from this cause is, if any.
     #[must_use]
-    pub const fn trouble(self) -> Option<FaultCode> {
+    pub const fn fault_code(self) -> Option<FaultCode> {
         match self {
             Self::BrownOut => Some(FaultCode::BrownOut),
             Self::Watchdog => Some(FaultCode::Watchdog),

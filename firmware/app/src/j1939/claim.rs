@@ -79,7 +79,7 @@ impl AddressClaim {
 
     /// Takes an address claim of somebody else.
     pub fn receive(&mut self, now: Micros, source: u8, name: Name) {
-        self.note(source);
+        self.mark_taken(source);
         let holds = matches!(self.stage, ClaimState::Contending(_) | ClaimState::Claimed);
         // The same NAME is an echo of our own claim; two controllers with one NAME are a mistake of assembly that
         // shouting cannot solve.
@@ -106,7 +106,7 @@ impl AddressClaim {
     }
 
     /// Somebody asks everyone, or this controller, for its address.
-    pub fn asked(&mut self, now: Micros) {
+    pub fn on_request(&mut self, now: Micros) {
         self.due = match self.stage {
             // What has not been claimed yet will be said soon enough.
             ClaimState::New => self.due,
@@ -140,7 +140,7 @@ impl AddressClaim {
         Micros(now.0.saturating_add(CANNOT_CLAIM_STEP_US * u64::from(self.name.spread())))
     }
 
-    fn note(&mut self, source: u8) {
+    fn mark_taken(&mut self, source: u8) {
         if (FIRST_ARBITRARY..=LAST_ARBITRARY).contains(&source) {
             self.taken |= 1_u128.wrapping_shl(u32::from(source) - u32::from(FIRST_ARBITRARY));
         }
@@ -221,7 +221,7 @@ mod tests {
             assert!(claim.poll(ms(2)).is_none(), "delayed by 7 * 0.6 ms");
             assert_eq!(claim.poll(ms(7)).unwrap().id().raw(), 0x18EE_FFFE);
             assert!(claim.poll(ms(1000)).is_none());
-            claim.asked(ms(2000));
+            claim.on_request(ms(2000));
             assert_eq!(claim.poll(ms(2010)).unwrap().id().source(), NULL_ADDRESS);
             assert_eq!(claim.address(), None);
         }
@@ -234,7 +234,7 @@ mod tests {
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(7, true));
         assert!(claim.poll(ms(301)).is_none());
-        claim.asked(ms(302));
+        claim.on_request(ms(302));
         assert_eq!(claim.poll(ms(302)).unwrap().id().source(), 0x27);
     }
 }

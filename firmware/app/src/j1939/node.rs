@@ -36,7 +36,7 @@ pub struct Outputs<'a> {
     /// The calibration in use.
     pub calibration: CalibrationState,
     /// Troubles.
-    pub troubles: DtcList,
+    pub dtcs: DtcList,
 }
 
 /// What a frame was.
@@ -67,11 +67,11 @@ pub struct Node {
     dm1_due: Micros,
     /// Whether the last DM1 held a trouble: the one after the last trouble is still sent.
     dm1_held: bool,
-    dm1_asked: bool,
-    dm2_asked: bool,
-    refuse: Option<(u8, Pgn)>,
+    dm1_requested: bool,
+    dm2_requested: bool,
+    negative_ack: Option<(u8, Pgn)>,
     counter: u8,
-    heard: Option<Micros>,
+    last_received: Option<Micros>,
 }
 
 impl Node {
@@ -84,11 +84,11 @@ impl Node {
             due: [Micros(0); PERIODIC.len()],
             dm1_due: Micros(0),
             dm1_held: false,
-            dm1_asked: false,
-            dm2_asked: false,
-            refuse: None,
+            dm1_requested: false,
+            dm2_requested: false,
+            negative_ack: None,
             counter: 0,
-            heard: None,
+            last_received: None,
         }
     }
 
@@ -100,14 +100,14 @@ impl Node {
 
     /// Whether every address was lost, which is [`crate::diagnostics::FaultCode::AddressLost`].
     #[must_use]
-    pub fn is_silenced(&self) -> bool {
+    pub fn is_address_lost(&self) -> bool {
         self.claim.is_silent()
     }
 
     /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
-    pub fn heard(&self) -> Option<Micros> {
-        self.heard
+    pub fn last_received(&self) -> Option<Micros> {
+        self.last_received
     }
 
     /// Claims the preferred address anew, as after a bus-off.
@@ -118,7 +118,7 @@ impl Node {
 
     /// Takes a frame from the bus.
     pub fn receive(&mut self, now: Micros, frame: &Frame) -> Received {
-        self.heard = Some(now);
+        self.last_received = Some(now);
         let id = frame.id();
         let is_for_me = id.destination() == GLOBAL || Some(id.destination()) == self.address();
         if id.pgn() == ADDRESS_CLAIMED.pgn && id.destination() == GLOBAL {
@@ -133,7 +133,7 @@ impl Node {
             }
         } else if id.pgn() == REQUEST.pgn && is_for_me {
             if let Some(wanted) = frame.data().first_chunk::<3>() {
-                self.asked(now, &id, Pgn::from_le_bytes(*wanted));
+                self.on_request(now, &id, Pgn::from_le_bytes(*wanted));
                 return Received::Handled;
             }
         } else if id.pgn() == UPDATE
@@ -152,19 +152,19 @@ impl Node {
         Some(Frame::new(Id::new(UPDATE_ANSWER.priority, UPDATE, tool, source), answer))
     }
 
-    fn asked(&mut self, now: Micros, id: &Id, wanted: Pgn) {
+    fn on_request(&mut self, now: Micros, id: &Id, wanted: Pgn) {
         if wanted == ADDRESS_CLAIMED.pgn {
-            self.claim.asked(now);
+            self.claim.on_request(now);
         } else if wanted == DM1.pgn {
-            self.dm1_asked = true;
+            self.dm1_requested = true;
         } else if wanted == DM2.pgn {
-            self.dm2_asked = true;
+            self.dm2_requested = true;
         } else if let Some((_, due)) =
             PERIODIC.iter().zip(&mut self.due).find(|(message, _)| message.pgn == wanted)
         {
             *due = now;
         } else if id.destination() != GLOBAL {
-            self.refuse = Some((id.source(), wanted));
+            self.negative_ack = Some((id.source(), wanted));
         }
     }
 
@@ -174,14 +174,14 @@ impl Node {
             return Some(frame);
         }
         let source = self.address()?;
-        if let Some((address, pgn)) = self.refuse.take() {
+        if let Some((address, pgn)) = self.negative_ack.take() {
             let mut data = [0xFF; 8];
             ACK_CONTROL.put_raw(&mut data, NEGATIVE);
             ACK_ADDRESS.put_raw(&mut data, u32::from(address));
             ACK_PGN.put_raw(&mut data, pgn.get());
             return Some(frame_of(&ACKNOWLEDGEMENT, source, data));
         }
-        self.diagnostics(now, source, &outputs.troubles)
+        self.diagnostics(now, source, &outputs.dtcs)
             .or_else(|| self.broadcast.poll(now, source))
             .or_else(|| self.periodic(now, source, outputs))
     }
@@ -196,19 +196,29 @@ impl Node {
         if is_due {
             self.dm1_due = later(now, &DM1);
         }
-        if self.dm1_asked || is_due && (has_active || self.dm1_held) {
-            self.dm1_asked = false;
+        if self.dm1_requested || is_due && (has_active || self.dm1_held) {
+            self.dm1_requested = false;
             self.dm1_held = has_active;
-            return self.tell(now, source, &DM1, &diagnostic_messages::list(troubles, DtcListKind::Active));
+            return self.send_list(
+                now,
+                source,
+                &DM1,
+                &diagnostic_messages::list(troubles, DtcListKind::Active),
+            );
         }
-        if core::mem::take(&mut self.dm2_asked) {
-            return self.tell(now, source, &DM2, &diagnostic_messages::list(troubles, DtcListKind::Previous));
+        if core::mem::take(&mut self.dm2_requested) {
+            return self.send_list(
+                now,
+                source,
+                &DM2,
+                &diagnostic_messages::list(troubles, DtcListKind::Previous),
+            );
         }
         None
     }
 
     /// A list in one frame where it fits; else its announcement.
-    fn tell(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
+    fn send_list(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
         match <[u8; 8]>::try_from(bytes) {
             Ok(data) => Some(frame_of(message, source, data)),
             Err(_) if self.broadcast.start(now, message.pgn, bytes) => self.broadcast.poll(now, source),

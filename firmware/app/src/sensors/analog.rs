@@ -16,7 +16,7 @@ use kou_estimator::units::Micros;
 use kou_estimator::{Fault, Reading};
 
 use super::adc::{AdcCounts, ConversionError};
-use super::config::{ConfigError, consistent, number, whole};
+use super::config::{ConfigError, consistent, integer, number};
 use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
 use super::scale::Scale;
 use super::unit::SensorUnit;
@@ -64,7 +64,7 @@ impl<U: SensorUnit> AnalogParams<U> {
     /// # Errors
     /// The first field out of range or inconsistent.
     pub fn new(scale: Scale<U>, config: &AnalogConfig<U>) -> Result<Self, ConfigError> {
-        whole("period_us", config.period_us, 100, 1_000_000)?;
+        integer("period_us", config.period_us, 100, 1_000_000)?;
         number("filter_s", config.filter_s, 0.0, 60.0)?;
         number("lowest", config.lowest.bare(), -1e4, 1e4)?;
         number("highest", config.highest.bare(), -1e4, 1e4)?;
@@ -75,7 +75,7 @@ impl<U: SensorUnit> AnalogParams<U> {
             number("return_rate_per_s", rate, 1e-3, 1e6)?;
         }
         if let Some(ms) = config.stuck_ms {
-            whole("stuck_ms", ms, 10, 3_600_000)?;
+            integer("stuck_ms", ms, 10, 3_600_000)?;
         }
         let period_s = config.period_us as f32 * 1e-6;
         let gain = if config.filter_s > 0.0 { -libm::expm1f(-period_s / config.filter_s) } else { 1.0 };
@@ -124,7 +124,7 @@ impl AnalogState {
         live: bool,
     ) {
         self.now = now;
-        let judged = self.judge(params, now, conversion, live);
+        let judged = self.check(params, now, conversion, live);
         if let Ok(value) = judged {
             self.filtered = match self.accepted {
                 Some(_) => self.filtered + params.gain * (value - self.filtered),
@@ -135,7 +135,7 @@ impl AnalogState {
                 self.trusted = Some((now, self.filtered));
             }
         }
-        let confirmed = self.debounce.judge(&params.debounce, judged.map(|_| ()));
+        let confirmed = self.debounce.update(&params.debounce, judged.map(|_| ()));
         let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
         if confirmed || leaps {
             // What comes after a confirmed fault is a new beginning, wherever it stands; and as long as the signal leaps, so
@@ -154,7 +154,7 @@ impl AnalogState {
         }
     }
 
-    fn judge<U: SensorUnit>(
+    fn check<U: SensorUnit>(
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,

@@ -41,7 +41,7 @@ pub(super) fn number(field: &'static str, value: f32, min: f32, max: f32) -> Res
 }
 
 /// A whole number from `min` to `max`.
-pub(super) fn whole(field: &'static str, value: u32, min: u32, max: u32) -> Result<(), ConfigError> {
+pub(super) fn integer(field: &'static str, value: u32, min: u32, max: u32) -> Result<(), ConfigError> {
     // Exact for the report's purpose: every limit in use is below 2^24 or a round number.
     number(field, value as f32, min as f32, max as f32)
 }

@@ -6,7 +6,7 @@
 
 use kou_estimator::Fault;
 
-use super::config::{ConfigError, whole};
+use super::config::{ConfigError, integer};
 
 /// How fast bad samples outweigh good ones.
 pub const RISE: u32 = 4;
@@ -33,8 +33,8 @@ impl DebounceParams {
     /// # Errors
     /// The one that is out of range.
     pub fn new(config: &DebounceConfig) -> Result<Self, ConfigError> {
-        whole("debounce.confirm", config.confirm, 1, 60_000)?;
-        whole("debounce.heal", config.heal, 1, 60_000)?;
+        integer("debounce.confirm", config.confirm, 1, 60_000)?;
+        integer("debounce.heal", config.heal, 1, 60_000)?;
         Ok(Self { config: *config })
     }
 }
@@ -61,7 +61,7 @@ impl DebounceState {
     }
 
     /// Takes the judgement of one sample; true when it has just confirmed a fault.
-    pub fn judge(&mut self, params: &DebounceParams, judgement: Result<(), Fault>) -> bool {
+    pub fn update(&mut self, params: &DebounceParams, judgement: Result<(), Fault>) -> bool {
         let DebounceConfig { confirm, heal } = params.config;
         match judgement {
             Ok(()) => {

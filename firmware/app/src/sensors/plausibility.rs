@@ -142,7 +142,7 @@ impl PlausibilityState {
     }
 
     /// Compares a set of readings, and marks what does not fit.
-    pub fn judge(&mut self, params: &PlausibilityParams, readings: Readings<'_>) {
+    pub fn update(&mut self, params: &PlausibilityParams, readings: Readings<'_>) {
         let Readings { pump, motor, line_a, line_b, displacement } = readings;
         let alpha = match displacement.value {
             Ok(alpha) => Some(alpha.get().abs()),
@@ -273,7 +273,7 @@ fn settle<U>(
     reading: &mut Reading<U>,
 ) {
     if let Some(fits) = fits {
-        state.judge(&params.debounce, if fits { Ok(()) } else { Err(Fault::Implausible) });
+        state.update(&params.debounce, if fits { Ok(()) } else { Err(Fault::Implausible) });
     }
     if let (Some(fault), Ok(_)) = (state.fault(), &reading.value) {
         *reading = Reading::failed(reading.time, fault);

@@ -183,7 +183,7 @@ impl SensorsState {
             line_b: line_b.as_mut(),
             displacement: &mut displacement,
         };
-        self.plausibility.judge(&params.plausibility, readings);
+        self.plausibility.update(&params.plausibility, readings);
 
         let reversed = displacement.value.is_ok_and(|alpha| alpha.get() < 0.0);
         sample.pump_speed = pump;

@@ -183,7 +183,7 @@ impl<'a> StoredFrame<'a> {
     }
 
     /// The record, when it was written under this key.
-    pub(super) fn under(self, key: u8) -> Option<Self> {
+    pub(super) fn with_key(self, key: u8) -> Option<Self> {
         (self.key == key).then_some(self)
     }
 

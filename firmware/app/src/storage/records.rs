@@ -41,7 +41,7 @@ pub struct CrashReport {
     /// Operating time before the stop, in seconds, as far as it had been written.
     pub operating_s: u32,
     /// What it was.
-    pub note: CrashRecord,
+    pub crash: CrashRecord,
 }
 
 impl Record<'_> for CrashReport {
@@ -98,16 +98,16 @@ impl OperatingCounters {
     }
 
     /// Counts a start.
-    pub fn started(&mut self, cause: ResetCause) {
+    pub fn count_start(&mut self, cause: ResetCause) {
         self.starts = self.starts.saturating_add(1);
         self.last_reset = cause;
-        if cause.trouble().is_some() {
+        if cause.fault_code().is_some() {
             self.unplanned_resets = self.unplanned_resets.saturating_add(1);
         }
     }
 
     /// Counts operating time.
-    pub fn ran(&mut self, seconds: u32) {
+    pub fn add_operating_time(&mut self, seconds: u32) {
         self.operating_s = self.operating_s.saturating_add(seconds);
     }
 }

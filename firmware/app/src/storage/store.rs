@@ -109,7 +109,7 @@ fn decoded<'a, R: Record<'a>>(raw: StoredFrame<'a>) -> Result<R, StoreError> {
 
 /// What becomes of a record when it is shown. Not inlined, or the record would lie in a task's memory for good.
 #[inline(never)]
-fn shown<'a, R: Record<'a>, T>(
+fn decode_and_apply<'a, R: Record<'a>, T>(
     raw: StoredFrame<'a>,
     take: impl FnOnce(&mut R) -> T,
 ) -> Result<T, StoreError> {
@@ -156,7 +156,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read, or the record is of a schema that is neither this version's nor migrated.
     pub async fn read<'a, R: Record<'a>>(&'a mut self) -> Result<Option<R>, StoreError> {
-        let Some(raw) = await_outlined!(self.newest_whole(R::KIND))? else { return Ok(None) };
+        let Some(raw) = await_outlined!(self.newest_valid(R::KIND))? else { return Ok(None) };
         decoded(raw).map(Some)
     }
 
@@ -168,8 +168,8 @@ impl<F: NorFlash> Store<F> {
         &'a mut self,
         take: impl FnOnce(&mut R) -> T,
     ) -> Result<Option<T>, StoreError> {
-        let Some(raw) = await_outlined!(self.newest_whole(R::KIND))? else { return Ok(None) };
-        shown(raw, take).map(Some)
+        let Some(raw) = await_outlined!(self.newest_valid(R::KIND))? else { return Ok(None) };
+        decode_and_apply(raw, take).map(Some)
     }
 
     /// Body of the newest record of a kind, of whatever schema, as it was written; nothing as of [`read`](Self::read).
@@ -177,7 +177,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// When the flash cannot be read.
     pub async fn read_body(&mut self, kind: RecordKind) -> Result<Option<&[u8]>, StoreError> {
-        Ok(await_outlined!(self.newest_whole(kind))?.map(|raw| raw.body))
+        Ok(await_outlined!(self.newest_valid(kind))?.map(|raw| raw.body))
     }
 
     /// Writes a record, both copies. To be awaited to its end.
@@ -194,7 +194,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// As [`write`](Self::write).
     pub async fn repair(&mut self, scratch: &mut [u8]) -> Result<RepairReport, StoreError> {
-        let mut healed = RepairReport::default();
+        let mut report = RepairReport::default();
         for kind in RecordKind::ALL {
             let [a, b] = await_outlined!(self.sequences(kind))?;
             let (from, to) = match (a, b) {
@@ -206,13 +206,13 @@ impl<F: NorFlash> Store<F> {
             };
             let key = kind.key(from);
             let raw = self.map.fetch_item::<StoredFrame<'_>>(scratch, &key).await?;
-            let raw = raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted)?;
+            let raw = raw.and_then(|raw| raw.with_key(key)).ok_or(StoreError::Corrupted)?;
             let StoredFrame { schema, sequence, body, .. } = raw;
             await_outlined!(self.put(&OutgoingFrame { key: kind.key(to), schema, sequence, body: &body }))?;
-            healed.copies = healed.copies.saturating_add(1);
+            report.copies = report.copies.saturating_add(1);
             warning!("copy of record {} written anew", kind);
         }
-        Ok(healed)
+        Ok(report)
     }
 
     /// Erases the whole region: every record is lost, the counter against replayed updates too. For the workshop, and for
@@ -225,12 +225,12 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The newest record of a kind, not yet understood.
-    async fn newest_whole(&mut self, kind: RecordKind) -> Result<Option<StoredFrame<'_>>, StoreError> {
+    async fn newest_valid(&mut self, kind: RecordKind) -> Result<Option<StoredFrame<'_>>, StoreError> {
         let Some((_, newest)) = await_outlined!(self.newest(kind))? else { return Ok(None) };
         let key = kind.key(newest);
         let raw = self.map.fetch_item::<StoredFrame<'_>>(&mut self.buffer.0, &key).await?;
         // It was whole a moment ago; if it is not now, the flash is failing.
-        raw.and_then(|raw| raw.under(key)).ok_or(StoreError::Corrupted).map(Some)
+        raw.and_then(|raw| raw.with_key(key)).ok_or(StoreError::Corrupted).map(Some)
     }
 
     /// Writes both copies of a record.
@@ -272,7 +272,7 @@ impl<F: NorFlash> Store<F> {
     async fn sequence(&mut self, key: u8) -> Result<Option<u32>, StoreError> {
         let raw = self.map.fetch_item::<StoredFrame<'_>>(&mut self.buffer.0, &key).await;
         match raw {
-            Ok(raw) => Ok(raw.and_then(|raw| raw.under(key)).map(|raw| raw.sequence)),
+            Ok(raw) => Ok(raw.and_then(|raw| raw.with_key(key)).map(|raw| raw.sequence)),
             // No frame, or a damaged one, whatever the library thinks of it.
             Err(FlashError::SerializationError(_)) => Ok(None),
             Err(error) => Err(error.into()),

@@ -25,7 +25,7 @@ pub struct CommandOutcome {
     /// To be sent to this address.
     pub answer: Option<(u8, UpdateAnswer)>,
     /// To be recorded as a trouble.
-    pub trouble: Option<FaultCode>,
+    pub fault: Option<FaultCode>,
     /// A new calibration is in flash and its parameters in their place: to be taken into use between two samples; learned health
     /// begins anew with it.
     pub adopted: Option<CalibrationState>,
@@ -37,12 +37,12 @@ pub struct StartupCalibration {
     /// The calibration to use; nothing when there is none.
     pub adopted: Option<CalibrationState>,
     /// To be recorded as a trouble.
-    pub trouble: Option<FaultCode>,
+    pub fault: Option<FaultCode>,
 }
 
 impl From<SessionOutcome> for CommandOutcome {
     fn from(outcome: SessionOutcome) -> Self {
-        Self { answer: outcome.answer, trouble: outcome.refused.map(FaultCode::UpdateRefused), adopted: None }
+        Self { answer: outcome.answer, fault: outcome.rejected.map(FaultCode::UpdateRefused), adopted: None }
     }
 }
 
@@ -85,13 +85,13 @@ impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
     }
 
     async fn load(&mut self, place: &mut dyn ParamsSlot) -> StartupCalibration {
-        let LoadedCalibration { live, counter, trouble } = load(self.store, self.default, place).await;
+        let LoadedCalibration { live, counter, fault } = load(self.store, self.default, place).await;
         self.counter = counter;
-        StartupCalibration { adopted: self.live(live), trouble }
+        StartupCalibration { adopted: self.activate(live), fault }
     }
 
     /// Remembers what is in use.
-    fn live(&mut self, live: Option<LiveCalibration>) -> Option<CalibrationState> {
+    fn activate(&mut self, live: Option<LiveCalibration>) -> Option<CalibrationState> {
         let LiveCalibration { state, machine } = live?;
         self.machine = Some(machine);
         Some(state)
@@ -121,13 +121,13 @@ impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
             }
             Some(SessionAction::Fill(what)) => {
                 let kind = if what == ReadTarget::Stop { CrashReport::KIND } else { HealthRecord::KIND };
-                self.give(now, kind).await
+                self.read_out(now, kind).await
             }
         }
     }
 
     /// A record's body, to be read.
-    async fn give(&mut self, now: Micros, kind: RecordKind) -> CommandOutcome {
+    async fn read_out(&mut self, now: Micros, kind: RecordKind) -> CommandOutcome {
         let body = self.store.read_body(kind).await.ok().flatten();
         self.session.fill(now, |buffer| copy(body?, buffer)).into()
     }
@@ -141,7 +141,7 @@ impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
     ///
     /// # Errors
     /// As [`Store::write`].
-    pub async fn keep<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
+    pub async fn write<'a, R: Record<'a>>(&mut self, record: &R) -> Result<(), StoreError> {
         self.store.write(record).await
     }
 
@@ -156,17 +156,17 @@ impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
         let is_written = self.store.write(&stored).await.is_ok();
         let live = if is_written { LiveCalibration::stored(self.session.record(), place) } else { None };
         let mut handled = CommandOutcome::from(self.session.stored(is_written));
-        handled.adopted = self.live(live);
+        handled.adopted = self.activate(live);
         if handled.adopted.is_none() {
             // What is in flash now is known again after a restart; until then nothing more is written over it.
             self.counter = u32::MAX;
-            handled.trouble = Some(FaultCode::UpdateRefused(RejectReason::Storage));
+            handled.fault = Some(FaultCode::UpdateRefused(RejectReason::Storage));
             return handled;
         }
         self.counter = counter;
         if self.store.write(&UpdateCounter { counter }).await.is_err() {
             // The calibration's own counter holds; the next start tries again.
-            handled.trouble = Some(FaultCode::StorageFailed);
+            handled.fault = Some(FaultCode::StorageFailed);
         }
         handled
     }

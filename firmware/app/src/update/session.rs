@@ -17,7 +17,7 @@ use super::mac::{self, KeySource, TAG_LEN};
 use super::sizes::BUFFER_LEN;
 use super::wire::{UpdateAnswer, UpdateCommand, segment, transfer_len};
 use crate::calibration::MachineIdentity;
-use crate::calibration::active::{checked, crc_of};
+use crate::calibration::active::{check_record as check_calibration, crc_of};
 use crate::diagnostics::RejectReason;
 use crate::log::info;
 
@@ -108,7 +108,7 @@ pub struct SessionOutcome {
     /// To be sent back to this address.
     pub answer: Option<(u8, UpdateAnswer)>,
     /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
-    pub refused: Option<RejectReason>,
+    pub rejected: Option<RejectReason>,
     /// To be done.
     pub todo: Option<SessionAction>,
 }
@@ -118,8 +118,11 @@ impl SessionOutcome {
         Self { answer: Some((to, answer)), ..Self::default() }
     }
 
-    fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
-        Self { refused: Some(why), ..Self::answer(to, UpdateAnswer::Refused { command, why, detail }) }
+    fn rejection(to: u8, command: u8, reason: RejectReason, detail: u32) -> Self {
+        Self {
+            rejected: Some(reason),
+            ..Self::answer(to, UpdateAnswer::Rejected { command, reason, detail })
+        }
     }
 
     fn todo(todo: SessionAction) -> Self {
@@ -187,7 +190,7 @@ impl UpdateSession {
         guard: &UpdateGuard<'_>,
     ) -> SessionOutcome {
         let [number, ..] = command;
-        let refuse = |why| SessionOutcome::refusal(tool, number, why, 0);
+        let refuse = |why| SessionOutcome::rejection(tool, number, why, 0);
         if matches!(self.stage, SessionState::Writing { .. } | SessionState::Filling { .. })
             || !self.is_idle() && tool != self.tool
         {
@@ -201,7 +204,7 @@ impl UpdateSession {
                 // Whatever was under way is over: a refused transfer is begun anew.
                 self.stage = SessionState::Idle;
                 let detail = if why == RejectReason::OldCounter { guard.counter } else { 0 };
-                SessionOutcome::refusal(tool, number, why, detail)
+                SessionOutcome::rejection(tool, number, why, detail)
             }
         }
     }
@@ -219,9 +222,12 @@ impl UpdateSession {
                 Ok(SessionOutcome::answer(tool, UpdateAnswer::Begun))
             }
             (UpdateCommand::Data { number, bytes }, SessionState::Receiving { length, counter, filled }) => {
-                let filled = self.take(usize::from(number), &bytes, length, filled)?;
+                let filled = self.accept_segment(usize::from(number), &bytes, length, filled)?;
                 self.stage = SessionState::Receiving { length, counter, filled };
-                Ok(SessionOutcome::answer(tool, UpdateAnswer::Taken { next: number.wrapping_add(1) }))
+                Ok(SessionOutcome::answer(
+                    tool,
+                    UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) },
+                ))
             }
             (UpdateCommand::Commit, SessionState::Receiving { length, counter, filled }) => {
                 self.check(length, counter, filled, guard)?;
@@ -251,7 +257,7 @@ impl UpdateSession {
     }
 
     /// Takes one segment; it must be the one that is due.
-    fn take(
+    fn accept_segment(
         &mut self,
         number: usize,
         bytes: &[u8],
@@ -307,7 +313,7 @@ impl UpdateSession {
             info!("calibration {=u32:08x} accepted over CAN", crc);
             SessionOutcome::answer(self.tool, UpdateAnswer::Committed { crc })
         } else {
-            SessionOutcome::refusal(self.tool, 3, RejectReason::Storage, 0)
+            SessionOutcome::rejection(self.tool, 3, RejectReason::Storage, 0)
         }
     }
 
@@ -317,14 +323,14 @@ impl UpdateSession {
         let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
         let Some((length, on_wire)) = length.and_then(|l| Some((l, u16::try_from(l).ok()?))) else {
             self.stage = SessionState::Idle;
-            return SessionOutcome::refusal(self.tool, 0x11, RejectReason::NothingStored, 0);
+            return SessionOutcome::rejection(self.tool, 0x11, RejectReason::NothingStored, 0);
         };
         self.stage = SessionState::Reading { length };
         self.last = now;
         let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
         SessionOutcome::answer(
             self.tool,
-            UpdateAnswer::ToBeRead { what: what.number(), length: on_wire, crc },
+            UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc },
         )
     }
 
@@ -334,7 +340,7 @@ impl UpdateSession {
         match self.stage {
             SessionState::Receiving { .. } if is_late => {
                 self.stage = SessionState::Idle;
-                SessionOutcome::refusal(self.tool, 2, RejectReason::TimeOut, 0)
+                SessionOutcome::rejection(self.tool, 2, RejectReason::TimeOut, 0)
             }
             // A tool that stops reading has read enough.
             SessionState::Reading { .. } if is_late => {
@@ -364,8 +370,8 @@ fn begin(length: usize, counter: u32, guard: &UpdateGuard<'_>) -> Result<Session
 
 /// The whole record: readable, past every check that the estimator makes, and for this machine.
 fn check_record(bytes: &[u8], machine: Option<&MachineIdentity>) -> Result<(), RejectReason> {
-    let candidate = checked(bytes)?;
-    if machine.is_some_and(|machine| !machine.takes(&candidate)) {
+    let candidate = check_calibration(bytes)?;
+    if machine.is_some_and(|machine| !machine.accepts(&candidate)) {
         return Err(RejectReason::WrongMachine);
     }
     Ok(())

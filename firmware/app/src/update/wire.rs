@@ -34,7 +34,7 @@ const ABORT: u8 = 0x04;
 const READ: u8 = 0x11;
 const NEXT: u8 = 0x12;
 const ANSWER: u8 = 0x80;
-const REFUSED: u8 = 0x7F;
+const REJECTED: u8 = 0x7F;
 
 /// What a tool asks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +114,7 @@ pub enum UpdateAnswer {
     /// The update may be sent.
     Begun,
     /// The segment was taken.
-    Taken {
+    SegmentAccepted {
         /// Number of the segment that is due next.
         next: u8,
     },
@@ -126,7 +126,7 @@ pub enum UpdateAnswer {
     /// The transfer is forgotten.
     Aborted,
     /// What was asked for can be read.
-    ToBeRead {
+    ReadReady {
         /// What.
         what: u8,
         /// Its length in bytes.
@@ -142,11 +142,11 @@ pub enum UpdateAnswer {
         bytes: [u8; SEGMENT],
     },
     /// The command was not obeyed.
-    Refused {
+    Rejected {
         /// First byte of the command.
         command: u8,
         /// Why.
-        why: RejectReason,
+        reason: RejectReason,
         /// More, of some refusals.
         detail: u32,
     },
@@ -159,13 +159,13 @@ impl UpdateAnswer {
         let [answer, one, b2, b3, b4, b5, b6, b7] = bytes;
         let last = u32::from_le_bytes([b4, b5, b6, b7]);
         Some(match answer {
-            REFUSED => Self::Refused { command: one, why: RejectReason::from_number(b2)?, detail: last },
+            REJECTED => Self::Rejected { command: one, reason: RejectReason::from_number(b2)?, detail: last },
             _ => match answer.checked_sub(ANSWER)? {
                 BEGIN => Self::Begun,
-                DATA => Self::Taken { next: one },
+                DATA => Self::SegmentAccepted { next: one },
                 COMMIT => Self::Committed { crc: last },
                 ABORT => Self::Aborted,
-                READ => Self::ToBeRead { what: one, length: u16::from_le_bytes([b2, b3]), crc: last },
+                READ => Self::ReadReady { what: one, length: u16::from_le_bytes([b2, b3]), crc: last },
                 NEXT => Self::Segment { number: one, bytes: [b2, b3, b4, b5, b6, b7] },
                 _ => return None,
             },
@@ -177,15 +177,17 @@ impl UpdateAnswer {
     pub const fn to_bytes(self) -> [u8; 8] {
         match self {
             Self::Begun => filled(ANSWER | BEGIN, VERSION),
-            Self::Taken { next } => filled(ANSWER | DATA, next),
+            Self::SegmentAccepted { next } => filled(ANSWER | DATA, next),
             Self::Committed { crc } => with_word(ANSWER | COMMIT, 0xFF, [0xFF; 2], crc),
             Self::Aborted => filled(ANSWER | ABORT, 0xFF),
-            Self::ToBeRead { what, length, crc } => with_word(ANSWER | READ, what, length.to_le_bytes(), crc),
+            Self::ReadReady { what, length, crc } => {
+                with_word(ANSWER | READ, what, length.to_le_bytes(), crc)
+            }
             Self::Segment { number, bytes: [b0, b1, b2, b3, b4, b5] } => {
                 [ANSWER | NEXT, number, b0, b1, b2, b3, b4, b5]
             }
-            Self::Refused { command, why, detail } => {
-                with_word(REFUSED, command, [why.number(), 0xFF], detail)
+            Self::Rejected { command, reason, detail } => {
+                with_word(REJECTED, command, [reason.number(), 0xFF], detail)
             }
         }
     }

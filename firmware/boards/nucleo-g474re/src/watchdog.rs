@@ -66,7 +66,8 @@ impl Watchdog for WatchdogDriver {
 
 /// Why the controller started, publisher to the log as well; the hardware and the note's memory forget it.
 pub(crate) fn begin() -> StartReason {
-    let (has_survived, note) = with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
+    let (has_survived, crash_record) =
+        with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -82,10 +83,10 @@ pub(crate) fn begin() -> StartReason {
         ResetCause::Unknown
     };
     defmt::info!("started by {}", cause);
-    if let Some(note) = &note {
-        defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
+    if let Some(crash) = &crash_record {
+        defmt::warn!("before the reset: {}, {=str}", crash.kind, crash.text.as_str());
     }
-    StartReason { cause, note }
+    StartReason { cause, crash_record }
 }
 
 /// Leaves a note and resets.

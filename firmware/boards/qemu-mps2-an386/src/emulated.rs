@@ -247,7 +247,7 @@ impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
             spi: self.asks.clone(),
             output: None,
             sample: None,
-            vitals: None,
+            task_stats: None,
             stack_bytes: 0,
             fed: 0,
             writing: None,

@@ -10,7 +10,8 @@
 //! | [`stack`] | how deep the stack has been |
 //! | [`exit`] | the codes with which the firmware ends QEMU |
 //! | `faults` | panics and hard faults: logged, then the end of QEMU with a code |
-//! | `vectors` | the interrupt vectors |
+//! | `interrupts` | numbers of the interrupts in use |
+//! | `vectors` | interrupt vector table |
 //!
 //! `unsafe` stands in the modules that touch hardware, each use with its reason, and nowhere else.
 #![no_std]
@@ -19,6 +20,7 @@
 pub mod emulated;
 pub mod exit;
 mod faults;
+mod interrupts;
 pub mod line;
 pub mod priority;
 mod registers;

@@ -45,7 +45,7 @@ impl<M: RawMutex> ErrorType for Requests<M> {
 
 impl<M: RawMutex> Read for Requests<M> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.in_flight.quiet().await;
+        self.in_flight.wait_idle().await;
         self.file.read(buffer).map_err(|_| ErrorKind::Other)
     }
 }

@@ -6,8 +6,8 @@
 
 use embassy_executor::{InterruptExecutor, SendSpawner};
 
+use crate::interrupts::Interrupt;
 use crate::registers::write;
-use crate::vectors::Interrupt;
 
 /// Priorities of interrupts 20 to 23, a byte each; smaller is higher, and the timers' is 0.
 const PRIORITIES_OF_20: usize = 0xE000_E414;

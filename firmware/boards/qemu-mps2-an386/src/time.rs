@@ -10,8 +10,8 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 
+use crate::interrupts::{Interrupt, unmask};
 use crate::registers::{read, write};
-use crate::vectors::{Interrupt, unmask};
 
 /// Counts of the processor's clock in a microsecond.
 const COUNTS_PER_US: u64 = 25;

@@ -9,8 +9,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 
+use crate::interrupts::{Interrupt, unmask};
 use crate::registers::{read, write};
-use crate::vectors::{Interrupt, unmask};
 
 const UART0: usize = 0x4000_4000;
 /// Offsets of a CMSDK UART's registers.

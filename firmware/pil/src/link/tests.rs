@@ -195,7 +195,7 @@ fn the_largest_messages_fit_their_frames() {
     assert!(request_frame(&Request::LoadCalibration(&record)).len() <= MAX_FRAME);
     let mut out = [0; MAX_RESPONSE_FRAME];
     let text = |len| core::str::from_utf8(&[b'x'; 128][..len]).map(std::string::String::from).unwrap();
-    let refusal =
+    let rejection =
         CalibrationRejection::Field { field: text(48), problem: FieldProblem::Inconsistent(text(128)) };
     let full = u32::MAX;
     let counts = LinkCounts {
@@ -216,7 +216,7 @@ fn the_largest_messages_fit_their_frames() {
     };
     let status =
         Status { uptime_us: u64::MAX, stack_high_water_bytes: full, calibration: Some(full), counts };
-    for response in [Response::CalibrationRejected(refusal), Response::Status(status)] {
+    for response in [Response::CalibrationRejected(rejection), Response::Status(status)] {
         encode::<{ MAX_RESPONSE_PAYLOAD + CRC_LEN }>(&response, &mut out).unwrap();
     }
     assert_eq!(counts.frames_rejected(), full, "the sum does not wrap");

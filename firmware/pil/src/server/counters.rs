@@ -16,7 +16,7 @@ impl Counter {
     }
 
     /// Raises the count by one. Call it from one task only.
-    pub fn raise(&self) {
+    pub fn increment(&self) {
         self.0.store(self.get().saturating_add(1), Ordering::Relaxed);
     }
 
@@ -71,7 +71,7 @@ impl Counters {
 
     /// The counter of frames refused for this reason.
     #[must_use]
-    pub const fn of(&self, error: FrameError) -> &Counter {
+    pub const fn of_error(&self, error: FrameError) -> &Counter {
         match error {
             FrameError::TooLong => &self.frames_too_long,
             FrameError::TooShort => &self.frames_too_short,

@@ -34,7 +34,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(bus: &ServerChannels<M>, board:
                 log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
-            ServerCommand::Reject(refusal) => Response::CalibrationRejected(refusal),
+            ServerCommand::Reject(rejection) => Response::CalibrationRejected(rejection),
             ServerCommand::Sample(sample) => estimate(bus, active.as_mut(), &sample),
             ServerCommand::Status => Response::Status(Status {
                 uptime_us: board.uptime_us(),
@@ -55,14 +55,14 @@ fn estimate<M: RawMutex>(
     sample: &Sample,
 ) -> ServerResponse {
     let Some(active) = active else {
-        bus.counters.samples_without_calibration.raise();
+        bus.counters.samples_without_calibration.increment();
         return Response::Error(ErrorKind::NoCalibration);
     };
     let estimate = step(&active.params, &mut active.state, sample);
     if estimate.expected.is_ok() && estimate.seen.is_ok() {
-        bus.counters.estimates_valid.raise();
+        bus.counters.estimates_valid.increment();
     } else {
-        bus.counters.estimates_rejected.raise();
+        bus.counters.estimates_rejected.increment();
     }
     Response::Estimate(estimate)
 }

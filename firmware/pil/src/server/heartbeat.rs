@@ -38,7 +38,7 @@ pub async fn run_heartbeat<M: RawMutex>(bus: &ServerChannels<M>, period: Duratio
     let mut activity = None;
     loop {
         ticker.next().await;
-        bus.counters.heartbeats.raise();
+        bus.counters.heartbeats.increment();
         let now = bus.counters.read();
         let present = Activity::between(&before, &now);
         if activity != Some(present) {

@@ -1,7 +1,7 @@
 //! How many requests have been taken from the line and not yet been answered on it.
 //!
 //! A line whose read blocks the whole processor (semihosting) must not be read while an answer is still on its way: the
-//! host would wait for the answer and the processor for the host. Such a line awaits [`InFlight::quiet`] first.
+//! host would wait for the answer and the processor for the host. Such a line awaits [`InFlight::wait_idle`] first.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -20,19 +20,19 @@ impl<M: RawMutex> InFlight<M> {
     }
 
     /// One request was taken from the line.
-    pub(super) fn taken(&self) {
+    pub(super) fn begin(&self) {
         self.count.fetch_add(1, Ordering::Relaxed);
     }
 
     /// `answered` responses have left on the line.
-    pub(super) fn answered(&self, answered: u32) {
+    pub(super) fn complete(&self, answered: u32) {
         if self.count.fetch_sub(answered, Ordering::Relaxed) == answered {
             self.emptied.signal(());
         }
     }
 
     /// Waits until every request has been answered on the line. One task only may wait.
-    pub async fn quiet(&self) {
+    pub async fn wait_idle(&self) {
         // The signal may be left over from an earlier time, so the count decides.
         while self.count.load(Ordering::Relaxed) != 0 {
             self.emptied.wait().await;

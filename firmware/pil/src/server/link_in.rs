@@ -29,7 +29,7 @@ pub async fn run_link_in<M: RawMutex>(
         for &byte in chunk.iter().take(received) {
             if let Some(frame) = decoder.push(byte) {
                 let command = command(bus, frame.and_then(decode_request)).await;
-                bus.in_flight.taken();
+                bus.in_flight.begin();
                 bus.commands.send(command).await;
             }
         }
@@ -43,11 +43,11 @@ async fn command<M: RawMutex>(
 ) -> ServerCommand {
     let request = match request {
         Ok(request) => {
-            bus.counters.frames_ok.raise();
+            bus.counters.frames_ok.increment();
             request
         }
         Err(error) => {
-            bus.counters.of(error).raise();
+            bus.counters.of_error(error).increment();
             return ServerCommand::ReportError(ErrorKind::Frame(error));
         }
     };
@@ -55,18 +55,18 @@ async fn command<M: RawMutex>(
         Request::Hello => ServerCommand::Hello,
         Request::LoadCalibration(bytes) => match read_calibration(bytes) {
             Ok((params, crc)) => {
-                bus.counters.calibrations_accepted.raise();
+                bus.counters.calibrations_accepted.increment();
                 bus.candidate.send(params).await;
                 ServerCommand::Adopt { crc }
             }
-            Err(refusal) => {
-                bus.counters.calibrations_rejected.raise();
+            Err(rejection) => {
+                bus.counters.calibrations_rejected.increment();
                 log!(warn, "calibration refused");
-                ServerCommand::Reject(refusal)
+                ServerCommand::Reject(rejection)
             }
         },
         Request::Sample(sample) => {
-            bus.counters.samples.raise();
+            bus.counters.samples.increment();
             ServerCommand::Sample(sample)
         }
         Request::Status => ServerCommand::Status,

@@ -36,7 +36,7 @@ pub async fn run_link_out<M: RawMutex>(bus: &ServerChannels<M>, line: &mut impl 
         {
             return LinkEnd::Failed;
         }
-        bus.in_flight.answered(answered);
+        bus.in_flight.complete(answered);
         if last {
             return LinkEnd::Shutdown;
         }

@@ -46,7 +46,7 @@ impl ErrorType for Memory<'_> {
 impl Read for Memory<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
         if let Some(in_flight) = self.in_flight {
-            in_flight.quiet().await;
+            in_flight.wait_idle().await;
         }
         let len = self.piece.min(buffer.len()).min(self.bytes.len());
         let (now, later) = self.bytes.split_at(len);
@@ -96,7 +96,7 @@ fn answers(bytes: &[u8], piece: usize, blocking: bool) -> Vec<Response<std::stri
         run_estimate(&bus, &TestBoard),
         async {
             assert_eq!(run_link_in(&bus, &mut line, &mut chunk).await, LinkEnd::Closed);
-            bus.in_flight.quiet().await;
+            bus.in_flight.wait_idle().await;
         },
         never(),
     ));

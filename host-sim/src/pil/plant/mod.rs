@@ -122,8 +122,8 @@ pub fn run(
         default: record,
         key: Some(key_of(scenario)),
         cause: ResetCause::PowerOn,
-        note: None,
-        keep_s: scenario.keep_s,
+        crash_record: None,
+        write_period_s: scenario.keep_s,
     };
     let mut rig = Some(Rig::start(options, &begin)?);
     let started = Instant::now();
@@ -210,8 +210,8 @@ impl Run {
             self.outages.told(time_s, output);
             self.law.watch(output, asked.sample.as_ref(), &self.tool);
         }
-        if let Some(vitals) = asked.vitals {
-            self.last = (vitals, asked.stack_bytes);
+        if let Some(task_stats) = asked.task_stats {
+            self.last = (task_stats, asked.stack_bytes);
         }
         let mut can = self.bus.millisecond(time_s, &asked.can);
         if let Some(frame) = self.tool.millisecond(time_s, &asked.can) {
@@ -230,11 +230,11 @@ impl Run {
     }
 
     fn missed_deadlines(&self) -> u64 {
-        self.missed_before + self.last.0.iter().map(|vital| u64::from(vital.missed)).sum::<u64>()
+        self.missed_before + self.last.0.iter().map(|stats| u64::from(stats.missed)).sum::<u64>()
     }
 
     fn report(&self, scenario: &Scenario, elapsed_s: f64) -> LoopReport {
-        let (vitals, stack_bytes) = self.last;
+        let (task_stats, stack_bytes) = self.last;
         let findings = self.verdict.findings();
         let (outages, updates, law) = (self.outages.findings(), self.tool.findings(), self.law.finding());
         let missed_deadlines = self.missed_deadlines();
@@ -263,9 +263,9 @@ impl Run {
             erasures: self.flash.cells().erasures() as u64,
             bus: self.bus.traffic(),
             missed_deadlines,
-            latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
-            longest_us: vitals.map(|vital| vital.longest_us),
-            turns: vitals.map(|vital| vital.turns),
+            latest_us: task_stats.iter().map(|stats| stats.max_jitter_us).max().unwrap_or(0),
+            longest_us: task_stats.map(|stats| stats.max_execution_us),
+            turns: task_stats.map(|stats| stats.cycles),
             stack_bytes,
         }
     }

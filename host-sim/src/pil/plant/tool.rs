@@ -113,7 +113,7 @@ impl Tool {
         let begun_ms = *under_way.begun_ms.get_or_insert(ms);
         let ended = match answer {
             Some(UpdateAnswer::Committed { .. }) => Some("committed".to_owned()),
-            Some(UpdateAnswer::Refused { why, .. }) => Some(why.name().to_owned()),
+            Some(UpdateAnswer::Rejected { reason: why, .. }) => Some(why.name().to_owned()),
             None if under_way.sent > 0 && ms - under_way.sent_ms > PATIENCE_MS => Some("silence".to_owned()),
             None if under_way.sent > 0 => return None,
             _ => None,

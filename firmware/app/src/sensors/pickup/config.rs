@@ -1,6 +1,6 @@
 //! A toothed wheel's configuration, and what follows from it for its edges. It knows no state.
 
-use super::super::config::{ConfigError, consistent, number, whole};
+use super::super::config::{ConfigError, consistent, integer, number};
 use super::super::debounce::{DebounceConfig, DebounceParams};
 
 /// Most edges that may be lost beside the reference gap.
@@ -48,17 +48,17 @@ impl PickupParams {
     /// # Errors
     /// The first field out of range or inconsistent.
     pub fn new(config: &PickupConfig) -> Result<Self, ConfigError> {
-        whole("teeth", config.teeth, 1, 400)?;
-        whole("gap_teeth", u32::from(config.gap_teeth), 0, 3)?;
+        integer("teeth", config.teeth, 1, 400)?;
+        integer("gap_teeth", u32::from(config.gap_teeth), 0, 3)?;
         consistent(
             "gap_teeth",
             u32::from(config.gap_teeth) * 4 < config.teeth,
             "fewer than a quarter of the teeth may be missing",
         )?;
         number("max_rpm", config.max_rpm, 10.0, 20_000.0)?;
-        whole("counter_hz", config.counter_hz, 10_000, 200_000_000)?;
-        whole("window_ms", config.window_ms, 1, 1000)?;
-        whole("zero_ms", config.zero_ms, 10, 5000)?;
+        integer("counter_hz", config.counter_hz, 10_000, 200_000_000)?;
+        integer("window_ms", config.window_ms, 1, 1000)?;
+        integer("zero_ms", config.zero_ms, 10, 5000)?;
         let counts_per_ms = config.counter_hz / 1000;
         let counts = |ms: u32| u64::from(ms) * u64::from(counts_per_ms);
         let rpm_counts = 60.0 * config.counter_hz as f32 / config.teeth as f32;

@@ -59,7 +59,7 @@ pub struct PickupState {
     last: Option<Anchor>,
     anchors: heapless::Deque<Anchor, ANCHORS>,
     /// When the last edge of any kind came.
-    heard: u64,
+    last_edge: u64,
     /// When an edge was last counted, or a new start made.
     quiet_since: u64,
     /// Present pitch in counts; 0 before one is known.
@@ -83,7 +83,7 @@ impl PickupState {
             count: None,
             last: None,
             anchors: heapless::Deque::new(),
-            heard: 0,
+            last_edge: 0,
             quiet_since: 0,
             pitch: 0.0,
             recent: [0.0; 3],
@@ -164,7 +164,7 @@ impl PickupState {
         }
         let rpm = params.rpm_counts * pitches as f32 / span as f32;
         // The next edge could come now, and no more than the longest gap would have passed. An odd edge ends the silence, too.
-        let silence = self.now.saturating_sub(self.heard.max(last.at));
+        let silence = self.now.saturating_sub(self.last_edge.max(last.at));
         let bound = params.rpm_counts * f32::from(params.longest_gap) / silence.max(1) as f32;
         if bound < rpm {
             return Some((self.time, bound));
@@ -190,7 +190,7 @@ impl PickupState {
     }
 
     fn edge(&mut self, params: &PickupParams, at: u64) {
-        self.heard = at;
+        self.last_edge = at;
         let Some(last) = self.last else {
             self.restart(Some(at));
             return;
@@ -211,7 +211,7 @@ impl PickupState {
             self.pitch = self.median_with(interval as f32);
             self.odd_level = self.odd_level.saturating_sub(1);
             self.counts.pitches = self.counts.pitches.saturating_add(1);
-            self.debounce.judge(&params.debounce, Ok(()));
+            self.debounce.update(&params.debounce, Ok(()));
             self.count_pitches(params, at, 1);
         } else {
             let whole = libm::roundf(pitches);
@@ -229,7 +229,7 @@ impl PickupState {
         self.median_with(interval);
         self.pitch = interval;
         if known {
-            self.debounce.judge(&params.debounce, if alike { Ok(()) } else { Err(Fault::Rate) });
+            self.debounce.update(&params.debounce, if alike { Ok(()) } else { Err(Fault::Rate) });
         }
         // What was counted so far may be wrong: the window begins here.
         self.anchors.clear();
@@ -253,7 +253,7 @@ impl PickupState {
         *counter = counter.saturating_add(1);
         // A gap is what a wheel has once in a revolution, or a lost edge: judged as a fault only where it repeats.
         let ordinary = matches!(odd, Odd::Gap(_)) && fresh;
-        self.debounce.judge(&params.debounce, if ordinary { Ok(()) } else { Err(Fault::Rate) });
+        self.debounce.update(&params.debounce, if ordinary { Ok(()) } else { Err(Fault::Rate) });
         if !fresh {
             // Two within a few pitches: what was counted may be wrong. The window begins anew.
             self.anchors.clear();

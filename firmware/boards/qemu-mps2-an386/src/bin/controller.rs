@@ -100,7 +100,7 @@ fn tell(message: &mut TickReport) {
         message.sample = CONTROLLER.sample();
     }
     if message.tick % VITALS_TURNS == 1 {
-        message.vitals = Some(CONTROLLER.vitals.read());
+        message.task_stats = Some(CONTROLLER.task_stats.read());
         message.stack_bytes = STACK.load(Ordering::Relaxed);
     }
 }
@@ -116,11 +116,14 @@ fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
     let first = line.begin(FIRST.try_take()?)?;
     line.share();
     let default = (!first.default.is_empty()).then_some(first.default);
-    let rates =
-        WriteScheduleConfig { health_s: first.keep_s, life_s: first.keep_s, ..WriteScheduleConfig::VEHICLE };
+    let rates = WriteScheduleConfig {
+        health_s: first.write_period_s,
+        counters_s: first.write_period_s,
+        ..WriteScheduleConfig::VEHICLE
+    };
     let store = Store::new(EmulatedFlash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
     let rates = WriteScheduleParams::new(&rates).ok()?;
-    let begin = StartReason { cause: first.cause, note: first.note };
+    let begin = StartReason { cause: first.cause, crash_record: first.crash_record };
     let service =
         UpdateService::new(STORE.try_init(store)?, SESSION.try_take()?, HostKey(first.key), default);
     RECORDS.try_init_with(|| StorageTask::new(service, rates, begin))

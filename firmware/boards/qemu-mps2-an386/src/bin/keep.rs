@@ -28,15 +28,15 @@ fn store(flash: Flash) -> Store<Flash> {
 
 fn life(seconds: u32) -> OperatingCounters {
     let mut life = OperatingCounters::new();
-    life.started(ResetCause::BrownOut);
-    life.ran(seconds);
+    life.count_start(ResetCause::BrownOut);
+    life.add_operating_time(seconds);
     life
 }
 
 fn faults(at: u32) -> FaultMemory {
     let mut memory = FaultMemory::new();
     for code in FaultCode::all().take(6) {
-        memory.confirmed(code, FreezeFrame::at(at));
+        memory.confirm(code, FreezeFrame::at(at));
     }
     memory
 }
