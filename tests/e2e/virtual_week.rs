@@ -216,9 +216,9 @@ fn drive(minutes: u64) {
     let task_stats = controller.task_stats.read();
     let cycles = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
     // Turns wrap at 2^32, which a week at 1 kHz does not reach.
-    assert_eq!(task_stats.map(|vital| vital.cycles), cycles);
-    for vital in vitals {
-        assert_eq!((vital.missed, vital.skipped, vital.max_jitter_us), (0, 0, 0), "{vital:?}");
+    assert_eq!(task_stats.map(|stats| stats.cycles), cycles);
+    for stats in task_stats {
+        assert_eq!((stats.missed, stats.skipped, stats.max_jitter_us), (0, 0, 0), "{stats:?}");
     }
     let (valid, invalid, none) = (seen.valid.get(), seen.invalid.get(), seen.none.get());
     println!("{milliseconds} ms: {valid} estimates valid, {invalid} with a reason, {none} none");

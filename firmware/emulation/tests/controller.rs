@@ -23,7 +23,7 @@ use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 
-/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
+/// The mocked clock is shared by the whole process: a test that uses it locks it until its end.
 fn clock_for_one_test() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
     let guard = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
@@ -33,7 +33,7 @@ fn clock_for_one_test() -> MutexGuard<'static, ()> {
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
-/// Polls every task until none has anything left to do at this time.
+/// Polls every task until none can proceed at this time.
 fn settle(tasks: &mut Tasks<'_>) {
     let mut context = Context::from_waker(Waker::noop());
     for task in tasks {
@@ -41,7 +41,7 @@ fn settle(tasks: &mut Tasks<'_>) {
     }
 }
 
-/// Moves the clock by single milliseconds.
+/// Advances the clock by single milliseconds.
 fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
     for _ in 0..ms {
         clock.advance(Duration::from_millis(1));
@@ -49,7 +49,7 @@ fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
     }
 }
 
-/// A front end whose inputs are what a cell says; `busy` is time that a read takes.
+/// Front end with fixed inputs; `busy` is the duration of a read.
 struct Bench<'a> {
     counts: &'a Cell<Result<AdcCounts, ConversionError>>,
     busy: &'a Cell<Duration>,
@@ -89,7 +89,7 @@ impl Watchdog for &Dog {
     }
 }
 
-/// Everything that a run needs; all of it outlives the tasks.
+/// State of a run that outlives its tasks.
 struct World {
     controller: Controller<NoopRawMutex>,
     params: SensorsParams,
@@ -111,7 +111,7 @@ impl World {
         }
     }
 
-    /// All tasks but those that are left out, in the order of their priorities.
+    /// Tasks in the order of their priorities, without the excluded ones.
     fn tasks(&self, without: &[Task]) -> Tasks<'_> {
         let start = Instant::now();
         let c = &self.controller;
@@ -129,7 +129,7 @@ impl World {
         if with(Task::Publish) {
             tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
         }
-        if with(Task::Store) {
+        if with(Task::Storage) {
             tasks.push(Box::pin(async move {
                 let mut store =
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
@@ -148,7 +148,7 @@ impl World {
 }
 
 #[test]
-fn every_task_keeps_its_period_and_the_watchdog_is_fed() {
+fn every_task_meets_its_period_and_the_watchdog_is_fed() {
     let _clock = clock_for_one_test();
     let world = World::new();
     let mut tasks = world.tasks(&[]);
@@ -166,13 +166,13 @@ fn every_task_keeps_its_period_and_the_watchdog_is_fed() {
 }
 
 #[test]
-fn without_a_calibration_the_output_says_so_and_never_an_estimate() {
+fn without_a_calibration_the_output_says_so_and_is_never_an_estimate() {
     let _clock = clock_for_one_test();
     let world = World::new();
     assert_eq!(world.controller.output(Micros(0)), Err(NoEstimate::Starting));
     let mut tasks = world.tasks(&[]);
     run(MockDriver::get(), &mut tasks, 1_000);
-    // Until the flash has been read it is not known.
+    // Unknown until the flash has been read.
     let told = world.told.0.borrow();
     let starting = told.iter().take_while(|told| **told == Err(NoEstimate::Starting)).count();
     assert!(starting <= 2, "{starting}");
@@ -182,43 +182,43 @@ fn without_a_calibration_the_output_says_so_and_never_an_estimate() {
 }
 
 #[test]
-fn a_late_task_misses_is_counted_and_does_not_shift_the_ones_after_it() {
+fn deadlines_missed_by_a_late_task_are_counted_and_its_schedule_does_not_drift() {
     let _clock = clock_for_one_test();
     let world = World::new();
     let mut tasks = world.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 100);
-    // One read takes 3.5 ms: the turns due 1, 2 and 3 ms after it are left out.
+    // One read takes 3.5 ms: the cycles due 1, 2 and 3 ms after it are skipped.
     world.busy.set(Duration::from_micros(3_500));
     run(clock, &mut tasks, 1);
     world.busy.set(Duration::from_ticks(0));
     let vital = world.controller.task_stats.sample.read();
     assert_eq!((vital.cycles, vital.missed, vital.skipped, vital.max_execution_us), (101, 1, 3, 3_500));
-    // The clock now stands at half a millisecond; the turns stay on the whole ones.
+    // The clock is now at half a millisecond; cycles remain on whole ones.
     clock.advance(Duration::from_micros(500));
     settle(&mut tasks);
     run(clock, &mut tasks, 100);
     let after = world.controller.task_stats.sample.read();
     assert_eq!((after.cycles, after.missed, after.max_jitter_us), (202, 1, 0));
-    // No time has leaked: turns and left-out turns are the milliseconds that have passed.
+    // No drift: executed and skipped cycles equal the elapsed milliseconds.
     assert_eq!(u64::from(after.cycles + after.skipped), 100 + 1 + 4 + 100);
 }
 
 #[test]
-fn each_task_that_stops_starves_the_watchdog_in_time_and_is_named() {
+fn each_stopped_task_starves_the_watchdog_in_time_and_is_named() {
     let _clock = clock_for_one_test();
     for task in Task::ALL {
         let world = World::new();
         let mut tasks = world.tasks(&[task]);
         let clock = MockDriver::get();
         let start = Instant::now();
-        // Within its patience, one look of the supervisor to notice and one more to give up.
+        // Its timeout, one period of the supervisor to detect it and one more to give up.
         let limit = task.timeout() + SUPERVISE_PERIOD * 3;
         run(clock, &mut tasks, limit.as_millis());
         assert_eq!(*world.dog.given_up.borrow(), [task], "{task:?}");
         let fed = world.dog.fed_at_ms.get().saturating_sub(start.as_millis());
         assert!(fed <= (task.timeout() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
-        // For good.
+        // Permanently.
         let fed = world.dog.fed_at_ms.get();
         run(clock, &mut tasks, 2_000);
         assert_eq!(world.dog.fed_at_ms.get(), fed);

@@ -1,8 +1,8 @@
-//! The CAN bus as one to be told: what comes is taken in, what is due goes out, troubles are remembered.
+//! CAN interface of the publishing task: receives frames, sends those that are due, records bus and sensor faults.
 //!
-//! Each turn takes a bounded number of frames, so a bus that babbles costs a bounded time; what a driver's queue does not
-//! hold is lost there. Frames that carry a step of a calibration update
-//! go to the task `store`, whose answers leave with the next turn.
+//! Each cycle handles a bounded number of frames, so a babbling node costs bounded time; frames beyond the driver's
+//! queue are lost. Frames of a calibration update are forwarded to the storage task, whose answers leave in the next
+//! cycle.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use kou_estimator::reading::Channel;
@@ -15,23 +15,23 @@ use crate::diagnostics::{FaultCode, FreezeFrame};
 use crate::j1939::{DriveReadings, Frame, Node, Outputs, Received};
 use crate::log::info;
 
-/// Frames taken in one turn: at 250 kbit/s some two come in a millisecond.
+/// Frames received per cycle at most: at 250 kbit/s about two arrive per millisecond.
 const MAX_IN: usize = 32;
-/// Frames sent in one turn.
+/// Frames sent per cycle at most.
 const MAX_OUT: usize = 8;
-/// Silence of the whole bus after which it is a trouble.
+/// Silence of the whole bus after which a fault is recorded.
 const SILENT: Micros = Micros(5_000_000);
 
-/// A CAN driver with queues.
+/// Queued CAN driver.
 pub trait CanPort {
-    /// The next frame that has come.
+    /// Takes the next received frame.
     fn receive(&mut self) -> Option<Frame>;
 
-    /// Puts a frame into the queue of those to be sent; false when there is no room.
+    /// Queues a frame for sending; returns false when the queue is full.
     fn send(&mut self, frame: &Frame) -> bool;
 }
 
-/// The controller on its bus.
+/// CAN interface of the controller: J1939 node, driver and fault recording.
 pub struct CanInterface<'c, P, M: RawMutex> {
     port: P,
     node: Node,
@@ -43,7 +43,7 @@ pub struct CanInterface<'c, P, M: RawMutex> {
 }
 
 impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
-    /// A controller that will claim its address on this bus.
+    /// Interface that will claim its address on this bus.
     pub const fn new(port: P, node: Node, controller: &'c Controller<M>) -> Self {
         Self {
             port,
@@ -56,14 +56,14 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
         }
     }
 
-    /// The same, with the oil temperature that the controller at `source` sends (SPN 177) as a check of the own thermometer.
-    /// Nobody else is listened to: a reading that anybody may send would be a way to silence the estimates.
+    /// Adds the oil temperature (SPN 177) sent by the controller at `source` as a check of the controller's own
+    /// thermometer. Frames of other sources are ignored: otherwise any node could invalidate the estimates.
     #[must_use]
     pub fn with_external_oil_temperature(self, source: u8) -> Self {
         Self { drive: Some(DriveReadings::new(Some(source))), ..self }
     }
 
-    /// Frames that the driver had no room for.
+    /// Number of frames dropped because the driver's queue was full.
     #[must_use]
     pub const fn dropped(&self) -> u32 {
         self.dropped
@@ -105,7 +105,7 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
                 }
             }
         });
-        // Not while others are locked out: writing a log takes long.
+        // Logged after the lock is released, because writing a log takes long.
         for code in came.into_iter().flatten() {
             info!("trouble {}", code);
         }
@@ -118,7 +118,7 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
     }
 }
 
-/// What is wrong with a channel; a sensor that is not fitted is no trouble.
+/// Fault of a channel; a sensor that is not fitted has none.
 fn fault_of(sample: &Sample, channel: Channel) -> Option<Fault> {
     let fault = match channel {
         Channel::PumpSpeed => sample.pump_speed.value.err(),
@@ -142,7 +142,8 @@ impl<P: CanPort, M: RawMutex> Publish for CanInterface<'_, P, M> {
         for _ in 0..MAX_IN {
             let Some(frame) = self.port.receive() else { break };
             if let Received::Update { source, data } = self.node.receive(now, &frame) {
-                // A tool that does not wait for its answers loses commands, and is answered that a segment is missing.
+                // A tool that does not wait for its answers loses commands, and receives a rejection for the missing
+                // segment.
                 self.controller.commands.try_send((source, data)).ok();
             }
             if let Some(drive) = &mut self.drive {
@@ -155,7 +156,7 @@ impl<P: CanPort, M: RawMutex> Publish for CanInterface<'_, P, M> {
                 self.send(&frame);
             }
         }
-        // Without any estimate there is none that is valid: told as of readings that have not come.
+        // Without any estimate, publish an invalid one whose reason is a missing reading.
         let missing = Estimate::invalid(now, Reason::Sensor(Channel::PumpSpeed, Fault::Missing));
         let outputs = Outputs {
             estimate: estimate.as_ref().unwrap_or(&missing),
@@ -184,7 +185,7 @@ mod tests {
     use super::*;
     use crate::j1939::{Id, Name, NameConfig};
 
-    /// A bus in memory: what comes, what was sent, and how many more frames there is room for.
+    /// Bus in memory: frames to receive, frames sent, and room for further frames.
     struct Line {
         come: Vec<Frame>,
         sent: Vec<Frame>,
@@ -222,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn on_the_bus_it_claims_its_address_and_then_tells_also_that_it_has_nothing_to_tell() {
+    fn the_node_claims_its_address_and_publishes_even_without_an_estimate() {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         for ms in (0..3_000).step_by(10) {
@@ -234,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_sensor_is_an_active_trouble_until_it_heals_and_then_a_previous_one() {
+    fn a_failed_sensor_is_an_active_fault_until_it_heals_and_then_a_previous_one() {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         let mut sample = Sample::empty(Micros(0));
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_bus_is_a_trouble_after_five_seconds_and_one_frame_heals_it() {
+    fn a_silent_bus_is_a_fault_after_five_seconds_and_one_frame_heals_it() {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         let is_active =
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_driver_has_no_room_for_is_counted_and_a_flood_costs_a_bounded_turn() {
+    fn frames_without_room_are_counted_and_a_flood_costs_a_bounded_cycle() {
         let controller = Shared::new();
         let mut bus = bus(&controller, 1);
         bus.port.come = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];

@@ -1,58 +1,60 @@
-//! What may be told of an estimate while it is open whether a sensor or the machine has changed.
+//! Consistency check between the observed leakage and the learned leakage level.
 //!
-//! An in-range offset or a slow drift of one sensor looks like leakage as long as nothing else measures the same. What the drive has
-//! learned of its leakage contradicts it: leakage changes by wear, that is slowly. So the coefficient seen is compared with the level
-//! learned times the law:
+//! An in-range offset or slow drift of one sensor looks like leakage as long as no other sensor measures the same
+//! quantity. The learned level contradicts it, because wear changes leakage slowly. The observed coefficient is
+//! therefore compared with the learned level times the calibrated law:
 //!
 //! ```text
-//! g   = |Kou_seen - level Kou_law|
-//! s'  = sqrt(s^2 + (g - s_seen)^2)    where g > s_seen + 2 s_level Kou_law, else s
+//! g  = |Kou_observed - level Kou_law|
+//! s' = sqrt(s^2 + (g - s_observed)^2)    where g > s_observed + 2 s_level Kou_law, else s
 //! ```
 //!
-//! Either what is seen is right and the machine has changed, or what was learned is right and a sensor has: they lie `g` apart,
-//! which is at most 1.4 of the standard errors reported. Health goes on learning and follows the wrong sensor, too, so what was learned before stands
-//! from the first contradiction on. It is an open question once contradictions have lasted for [`OPEN_COUNT`], or health reports a change.
+//! Either the observation is right and the machine has changed, or the learned level is right and a sensor has
+//! changed. The two explanations are `g` apart, which is at most 1.4 of the reported standard errors. Health
+//! continues to learn and follows a faulty sensor, so the level learned before the first contradiction is the
+//! reference. A discrepancy is open once contradictions have lasted for [`OPEN_COUNT`] estimates, or health reports a
+//! change.
 //!
-//! * Only leakage explains it (health confirms wear): what is seen is right, and the question is closed.
-//! * Only a sensor, the displacement or the oil does: the estimate is invalid, [`Reason::SensorSuspected`], until for
-//!   [`RECOVER_COUNT`] what is seen has been as before.
-//! * What is seen and what health has learned are both as before for [`CLOSE_COUNT`]: closed.
+//! * Only leakage explains it (health confirms wear): the observation is right, and the discrepancy is closed.
+//! * Only a sensor, the displacement or the oil explains it: the estimate is invalid, [`Reason::SensorSuspected`],
+//!   until the observation has agreed with the reference for [`RECOVER_COUNT`] estimates.
+//! * Observation and learned level both agree with the reference for [`CLOSE_COUNT`] estimates: closed.
 //!
-//! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
-//! What changes more slowly than health's drift watch can tell from wear is wear to it.
+//! Limits: before the level is learned, about a minute of steady drive, its standard error is 0.3 and almost nothing
+//! contradicts it. A change slower than the drift detector of health can distinguish from wear is treated as wear.
 
 use kou_estimator::health::{Change, Health, Stage};
 use kou_estimator::units::LeakageCoefficient;
 use kou_estimator::{Estimate, Expected, Reason, Seen};
 
-/// Standard errors of the level that are no contradiction yet.
+/// Standard errors of the level within which an observation does not contradict it.
 const LEVEL_SIGMAS: f32 = 2.0;
 
-/// Estimates, one each 10 ms, that contradict before there is a question: 5 s.
+/// Contradicting estimates, one per 10 ms, that open a discrepancy: 5 s.
 const OPEN_COUNT: u16 = 500;
-/// How many estimates that do not contradict one that does outweighs: a manoeuvre contradicts for a moment, too.
+/// Agreeing estimates that one contradicting estimate cancels; a manoeuvre contradicts for a moment.
 const AGREEMENT_WEIGHT: u16 = 4;
-/// Estimates that do not, after which a suspected sensor is used again: 5 s.
+/// Agreeing estimates after which a suspected sensor is used again: 5 s.
 const RECOVER_COUNT: u16 = 500;
-/// Estimates that do not, after which the question is closed: a minute.
+/// Agreeing estimates after which the discrepancy is closed: one minute.
 const CLOSE_COUNT: u16 = 6000;
 
-/// A level of leakage over the law's, as learned.
+/// Learned leakage level relative to the law, with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Learned {
     level: f32,
     level_se: f32,
 }
 
-/// What was learned before it was contradicted, and for how long it has been.
+/// Consistency check: reference level and counters of contradiction and agreement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyCheck {
-    /// Learned; stands still as long as there are contradictions.
+    /// Reference level; frozen while there are contradictions.
     learned: Learned,
     is_open: bool,
-    /// Contradictions, less estimates without, since the last time that there were none.
+    /// Contradicting minus agreeing estimates since the last time that the difference was zero.
     contradicted: u16,
-    /// Estimates without, less [`AGREEMENT_WEIGHT`] times those with.
+    /// Agreeing estimates minus [`AGREEMENT_WEIGHT`] times the contradicting ones.
     agreed: u16,
     changes: u16,
 }
@@ -70,7 +72,7 @@ impl ConsistencyCheck {
         }
     }
 
-    /// The estimate as it may be told; `last_change` is the last one that health has reported.
+    /// Checks an estimate and widens or invalidates it; `last_change` is the last change reported by health.
     #[must_use]
     pub fn apply(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
         self.follow(&estimate.health, last_change);
@@ -87,7 +89,7 @@ impl ConsistencyCheck {
         if !contradicts {
             return estimate;
         }
-        // The wrong sensor may be one that the law takes, too.
+        // The faulty sensor may be an input of the law as well.
         Estimate {
             expected: Ok(Expected { kou_se: widen(expected.kou_se, excess), ..expected }),
             seen: Ok(Seen { kou_se: widen(seen.kou_se, excess), ..seen }),
@@ -95,12 +97,12 @@ impl ConsistencyCheck {
         }
     }
 
-    /// Opens and closes the question by what health says, and takes over what it has learned while there is none.
+    /// Opens or closes the discrepancy by the results of health, and updates the reference level while none is open.
     fn follow(&mut self, health: &Health, last_change: Option<Change>) {
         if let (true, Some(change), false) = (health.changes != self.changes, last_change, self.is_open) {
             self.is_open = true;
             if self.contradicted == 0 {
-                // After a restart nothing was learned before it but by health.
+                // After a restart only health knows the level before the change.
                 let level_se = self.learned.level_se.min(health.level_se.get());
                 self.learned = Learned { level: change.from.get(), level_se };
             }
@@ -186,24 +188,24 @@ mod tests {
     }
 
     #[test]
-    fn what_agrees_with_the_level_learned_is_told_as_it_is() {
+    fn estimate_that_agrees_with_the_learned_level_is_unchanged() {
         let mut check = ConsistencyCheck::new();
         let agrees = estimate(1.3 * LAW, 1.3, Health::new());
         assert_eq!(check.apply(None, agrees), agrees);
     }
 
     #[test]
-    fn a_contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
+    fn contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
         for seen in [0.3, 0.7, 1.3, 2.0, 5.0] {
             let reported = ConsistencyCheck::new().apply(None, estimate(seen * LAW, 1.0, Health::new()));
-            // The square root of 2 where gap and the sensors' error are worst to each other, and rounding.
+            // The square root of 2 where gap and sensor error combine worst, plus rounding.
             assert!((seen - 1.0).abs() * LAW < 1.415 * se(reported), "{seen}: {}", se(reported));
             assert!(se(reported) > SE && reported.expected.unwrap().kou_se.get() > SE, "{seen}");
         }
     }
 
     #[test]
-    fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
+    fn reference_level_is_frozen_until_a_change_is_explained_even_when_health_has_followed() {
         let mut check = ConsistencyCheck::new();
         assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
@@ -211,17 +213,17 @@ mod tests {
             let reported = check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
             assert!(0.5 * LAW < 3.0 * se(reported), "{}", se(reported));
         }
-        // A second one does not make the level between them known.
+        // A second change does not make the level between the two known.
         let twice = Health { changes: 2, ..Health::new() };
         let reported = check.apply(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
         assert!(0.8 * LAW < 3.0 * se(reported), "{}", se(reported));
-        // Back where it was nothing is open.
+        // Back at the reference, nothing is open.
         let back = estimate(LAW, 1.0, twice);
         assert_eq!(check.apply(change(1.5, 1.8), back), back);
     }
 
     #[test]
-    fn confirmed_wear_is_believed_and_a_suspected_sensor_is_not() {
+    fn confirmed_wear_is_accepted_and_a_suspected_sensor_invalidates() {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
         let mut check = ConsistencyCheck::new();
@@ -235,7 +237,7 @@ mod tests {
         let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(reported.seen, Err(Reason::SensorSuspected));
         assert_eq!(reported.expected, Err(Reason::SensorSuspected));
-        // As before for five seconds: used again, whatever health still waits for.
+        // After five seconds of agreement the sensor is used again, whatever health still waits for.
         let mut check = ConsistencyCheck::new();
         for _ in 0..RECOVER_COUNT {
             assert!(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
@@ -247,18 +249,18 @@ mod tests {
     }
 
     #[test]
-    fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
+    fn level_that_health_learns_from_a_faulty_sensor_does_not_become_the_reference() {
         let mut check = ConsistencyCheck::new();
         assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
-            // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
+            // Health follows by two thirds before it reports, and one operating point in ten shows almost nothing.
             level += 0.001 * (0.5 - level);
             let seen = if i % 10 == 0 { 0.97 } else { 0.5 };
             let reported = check.apply(None, estimate(seen * LAW, level, Health::new()));
             assert!((1.0 - seen) * LAW < 3.0 * se(reported), "{i}: {}", se(reported));
         }
-        // The sensor is right again, health not yet: what is seen is told as it is.
+        // The sensor has recovered, health has not yet: the observation is reported unchanged.
         let agrees = estimate(LAW, level, Health::new());
         for _ in 0..2 * CLOSE_COUNT {
             assert_eq!(check.apply(None, agrees), agrees);
@@ -269,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_of_the_estimator_stays() {
+    fn a_reason_of_the_estimator_is_preserved() {
         let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
         invalid.seen = Err(Reason::RatioAboveLeakFree);
         assert_eq!(ConsistencyCheck::new().apply(None, invalid).seen, Err(Reason::RatioAboveLeakFree));

@@ -1,4 +1,4 @@
-//! Task `estimate`: the latest sample through the estimator. The only task that holds parameters and state.
+//! Task `estimate`: passes the latest sample to the estimator. The only task that owns parameters and state.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
@@ -10,7 +10,7 @@ use super::periods::ESTIMATE_PERIOD;
 use super::shared::{Controller, NoEstimate};
 use crate::log::info;
 
-/// Estimates for ever. Without parameters it waits for the first ones.
+/// Runs the estimating task; never returns. Without parameters it waits for the first ones.
 pub async fn run_estimate<M: RawMutex>(
     controller: &Controller<M>,
     start: Instant,
@@ -27,7 +27,7 @@ pub async fn run_estimate<M: RawMutex>(
     }
 }
 
-// Not inlined: an estimate and a sample would lie in the task's memory for good.
+// Not inlined: an estimate and a sample would otherwise occupy the task's memory permanently.
 #[inline(never)]
 fn cycle<M: RawMutex>(controller: &Controller<M>, estimator: &mut Estimator) {
     let estimate = match (&estimator.params, controller.sample()) {
@@ -35,7 +35,7 @@ fn cycle<M: RawMutex>(controller: &Controller<M>, estimator: &mut Estimator) {
         (None, _) => Err(NoEstimate::NoCalibration),
         (_, None) => Err(NoEstimate::Starting),
         (Some(params), Some(mut sample)) => {
-            // Judged as of now: if `sample` has stopped, its readings grow stale.
+            // Stamped with the present time: when `sample` has stopped, its readings become stale.
             sample.time = now();
             let Estimator { state, consistency, .. } = estimator;
             let estimate = step(params, state, &sample);

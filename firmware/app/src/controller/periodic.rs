@@ -1,15 +1,15 @@
-//! The pace of a periodic task: when its next turn is due, and what it costs.
+//! Ticker of a periodic task: due time of the next cycle, jitter and execution time.
 //!
-//! Turns are due at whole multiples of the period after the start, for ever: lateness of one does not move the next, so no
-//! time leaks. A turn that is not done when the next one is due has missed its deadline; due times that have passed by
-//! then are left out and counted, because catching up would only make the next one late as well.
+//! Cycles are due at whole multiples of the period after the start: a late cycle does not shift the next one, so the
+//! schedule does not drift. A cycle that is still running when the next one is due has missed its deadline; due times
+//! that have passed by then are skipped and counted, because catching up would only delay the following cycles.
 
 use embassy_time::{Duration, Instant, Timer};
 use kou_estimator::units::Micros;
 
 use super::task_stats::TaskStats;
 
-/// Pace of one task.
+/// Ticker of one task.
 #[derive(Debug)]
 pub struct Ticker<'a> {
     period: Duration,
@@ -19,20 +19,21 @@ pub struct Ticker<'a> {
 }
 
 impl<'a> Ticker<'a> {
-    /// The first turn is due one period after `start`. A period of zero is taken for the clock's shortest.
+    /// Ticker whose first cycle is due one period after `start`. A period of zero is replaced by the clock's
+    /// shortest.
     #[must_use]
     pub fn new(start: Instant, period: Duration, stats: &'a TaskStats) -> Self {
         let period = period.max(Duration::from_ticks(1));
         Self { period, due: start, began: None, stats }
     }
 
-    /// Ends the present turn and waits for the next.
+    /// Ends the present cycle and waits for the next.
     pub async fn cycle(&mut self) -> Instant {
         Timer::at(self.end_cycle()).await;
         self.begin_cycle()
     }
 
-    /// Ends the present turn and says when the next one is due, for a task that has something to do until then.
+    /// Ends the present cycle and returns the due time of the next one, for a task with work to do until then.
     pub fn end_cycle(&mut self) -> Instant {
         let done = Instant::now();
         self.due = self.due.saturating_add(self.period);
@@ -49,7 +50,7 @@ impl<'a> Ticker<'a> {
         self.due
     }
 
-    /// Begins the turn that is due.
+    /// Begins the cycle that is due.
     pub fn begin_cycle(&mut self) -> Instant {
         let now = Instant::now();
         self.began = Some(now);
@@ -58,7 +59,7 @@ impl<'a> Ticker<'a> {
     }
 }
 
-/// The clock of the tasks as the estimator states time.
+/// Time of the tasks' clock in the estimator's unit.
 pub(super) fn now() -> Micros {
     Micros(embassy_time::Instant::now().as_micros())
 }

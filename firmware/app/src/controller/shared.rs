@@ -19,22 +19,22 @@ use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use crate::log::info;
 use crate::storage::RecordKind;
 
-/// Commands and answers of a calibration update that may wait.
+/// Capacity of the queues of update commands and of their answers.
 const QUEUE: usize = 4;
 
-/// Why there is no estimate at all; an estimate that is invalid has its own reasons.
+/// Reason why there is no estimate at all; an invalid estimate has its own reasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoEstimate {
-    /// The tasks have just begun, or what is kept in flash is still being read.
+    /// The tasks have just started, or the flash is still being read.
     Starting,
     /// No calibration is in use.
     NoCalibration,
-    /// The estimating task has not come to its turn for [`MAX_ESTIMATE_AGE`].
+    /// The estimating task has not completed a cycle for [`MAX_ESTIMATE_AGE`].
     Late,
 }
 
-/// What the tasks share.
+/// State shared by the tasks.
 pub struct Controller<M: RawMutex> {
     sample: Mutex<M, Cell<Option<Sample>>>,
     estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
@@ -43,19 +43,19 @@ pub struct Controller<M: RawMutex> {
     faults: Mutex<M, RefCell<FaultMemory>>,
     previous_operating_s: AtomicU32,
     writing: AtomicU8,
-    /// Parameters and learned health on their way between [`run_storage`] and [`run_estimate`].
+    /// Parameters and learned health in transit between the tasks `storage` and `estimate`.
     pub handover: Handover<M>,
-    /// Commands of a calibration update: who sent them, and their bytes.
+    /// Commands of a calibration update: source address and data bytes.
     pub commands: Queue<M, (u8, [u8; 8]), QUEUE>,
-    /// Answers to them: for whom, and their bytes.
+    /// Answers to them: destination address and data bytes.
     pub answers: Queue<M, (u8, [u8; 8]), QUEUE>,
     external_oil_temperature: Mutex<M, Cell<Reading<Celsius>>>,
-    /// How every task is doing.
+    /// Timing statistics of every task.
     pub task_stats: AllTaskStats,
 }
 
 impl<M: RawMutex> Controller<M> {
-    /// Before the tasks start.
+    /// State before the tasks start.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -74,12 +74,12 @@ impl<M: RawMutex> Controller<M> {
         }
     }
 
-    /// The latest sample.
+    /// Latest sample.
     pub fn sample(&self) -> Option<Sample> {
         self.sample.lock(Cell::get)
     }
 
-    /// What is to be told of leakage at `now`.
+    /// Estimate to be published at `now`.
     ///
     /// # Errors
     /// When there is no estimate, or only one that is too old.
@@ -89,7 +89,7 @@ impl<M: RawMutex> Controller<M> {
         if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
     }
 
-    /// The calibration in use; nothing until what is kept in flash has been read.
+    /// Calibration in use; `None` until the flash has been read.
     pub fn calibration(&self) -> Option<CalibrationState> {
         self.calibration.lock(Cell::get)
     }
@@ -98,12 +98,12 @@ impl<M: RawMutex> Controller<M> {
         self.calibration.lock(|cell| cell.set(Some(state)));
     }
 
-    /// Looks at the fault memory, or changes it. No other task runs meanwhile: be short.
+    /// Gives access to the fault memory. All other tasks are locked out meanwhile: keep it short.
     pub fn faults<R>(&self, look: impl FnOnce(&mut FaultMemory) -> R) -> R {
         self.faults.lock(|memory| look(&mut memory.borrow_mut()))
     }
 
-    /// What is measured now, at the present operating time.
+    /// Freeze frame of the latest sample at the present operating time.
     pub(super) fn freeze_frame(&self) -> FreezeFrame {
         let operating_s = self.operating_s(now());
         self.sample().map_or(FreezeFrame::at(operating_s), |sample| FreezeFrame::of(operating_s, &sample))
@@ -124,7 +124,7 @@ impl<M: RawMutex> Controller<M> {
         self.faults(|memory| memory.heal(code));
     }
 
-    /// Operating time of the controller at `now`, in seconds: that of earlier runs and that of this one.
+    /// Operating time of the controller at `now`, in seconds: earlier runs plus the present one.
     pub fn operating_s(&self, now: Micros) -> u32 {
         let this_run_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
         self.previous_operating_s.load(Ordering::Relaxed).saturating_add(this_run_s)
@@ -134,7 +134,7 @@ impl<M: RawMutex> Controller<M> {
         self.previous_operating_s.store(seconds, Ordering::Relaxed);
     }
 
-    /// The record that is being written to flash, if any.
+    /// Kind of the record that is being written to flash, if any.
     pub fn writing(&self) -> Option<RecordKind> {
         self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(RecordKind::from_number)
     }
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sampling_task_that_stops_makes_the_estimates_stale_and_a_stopped_estimate_is_late() {
+    fn estimates_become_late_when_the_estimating_task_stops() {
         let controller = Controller::<NoopRawMutex>::new();
         controller.set_estimate(
             Micros(1_000),

@@ -1,15 +1,16 @@
-//! Task `store`: opens what is kept in flash, hands calibration and learned health to the estimator, takes calibration
-//! updates, and writes what must outlast a power cut.
+//! Task `storage`: loads calibration and learned health from flash, processes calibration updates, and writes the
+//! records that must survive a power cut.
 //!
 //! ```text
-//! start: records put right --> calibration: stored, else default, else none (and that is said) --> estimate
-//!        --> learned health, when it was learned with this very calibration --> estimate
-//!        --> fault memory, hours, why the last run ended
-//! then:  update commands as they come; once a second a look at what is due, one record at most
+//! start: repair of record copies --> calibration: stored, else default, else none (reported) --> estimate
+//!        --> learned health, when learned with this calibration --> estimate
+//!        --> fault memory, operating counters, cause of the last reset
+//! then:  update commands as they arrive; once a second at most one record that is due
 //! ```
 //!
-//! A write is awaited to its end, whatever else is due. The task is of the lowest priority, so a flash that works beside the
-//! processor delays nobody; one that stops the processor shows as missed deadlines, which become a trouble of their own.
+//! A write is always awaited to its end. The task has the lowest priority, so a flash that works in parallel to the
+//! processor delays no other task; one that stalls the processor causes missed deadlines, which are recorded as a
+//! fault.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer, with_deadline};
@@ -18,7 +19,7 @@ use kou_estimator::units::{Megapascal, Micros};
 
 use super::handover::Mailbox;
 use super::periodic::{Ticker, now};
-use super::periods::STORE_PERIOD;
+use super::periods::STORAGE_PERIOD;
 use super::shared::Controller;
 use super::write_schedule::{DueWrite, WriteSchedule, WriteScheduleParams};
 use crate::calibration::CalibrationState;
@@ -31,36 +32,36 @@ use crate::update::{CommandOutcome, KeySource, UpdateService, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
 const UNCALIBRATED_MIN_DIFFERENCE: Megapascal = Megapascal(2.0);
-/// How often it is looked whether the estimator has taken what it was given.
+/// Period of polling whether the estimating task has emptied the mailbox.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 
-/// Why this run began.
+/// Reason of the present start.
 #[derive(Debug, Clone)]
 pub struct StartReason {
-    /// As the hardware tells.
+    /// Cause reported by the hardware.
     pub cause: ResetCause,
-    /// What the run before left.
+    /// Crash record left by the previous run.
     pub crash_record: Option<CrashRecord>,
 }
 
-/// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
+/// Storage task: owner of all records. Outside the asynchronous task, which is moved when it is started.
 pub struct StorageTask<'d, F: NorFlash, K> {
     service: UpdateService<'d, F, K>,
     schedule: WriteSchedule,
     cause: ResetCause,
-    /// What the run before left.
+    /// Crash of the previous run, to be written.
     stop: Option<CrashReport>,
-    /// Hours and starts as they were at the start of this run.
+    /// Operating counters at the start of this run.
     counters: OperatingCounters,
     min_pressure_difference: Megapascal,
-    /// Level, its error and changes of learned health when it was last written.
+    /// Level, standard error and number of changes of learned health when last written.
     written: Option<(u32, u32, u16)>,
     faults_changed: bool,
     missed: u32,
 }
 
 impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
-    /// Puts together what the task needs.
+    /// Combines the parts of the task.
     pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, start: StartReason) -> Self {
         Self {
             service,
@@ -75,14 +76,14 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         }
     }
 
-    /// Store and session, for whoever looks at what was kept when the task is over.
+    /// Store and session, for inspection after the task has ended.
     pub fn service(&mut self) -> &mut UpdateService<'d, F, K> {
         &mut self.service
     }
 
     async fn open<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let crc = await_outlined!(self.load(controller));
-        // Learned health is for the calibration in use: that one first.
+        // Learned health belongs to the calibration in use, which must be handed over first.
         while let Some(crc) = crc {
             let mut slot = controller.handover.lock().await;
             if matches!(*slot, Mailbox::Empty) {
@@ -101,7 +102,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         self.record_start(controller).await;
     }
 
-    /// Finds the calibration to use and hands it over; its CRC.
+    /// Selects the calibration to use and hands it over; returns its CRC.
     async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
         let mut slot = controller.handover.lock().await;
         let opened = await_outlined!(self.service.open(&mut *slot));
@@ -133,11 +134,11 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         }
     }
 
-    /// Takes a tool's command and leaves the answer for the bus.
+    /// Handles a tool's command and queues the answer.
     async fn handle_command<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
         let loaded =
             controller.sample().is_none_or(|sample| is_loaded(&sample, self.min_pressure_difference));
-        // An update takes the place of what has been learned and is to be written yet.
+        // Write pending learned health first: the update reuses the mailbox.
         await_outlined!(self.write_learned(controller));
         let mut slot = controller.handover.lock().await;
         controller.set_writing(Some(RecordKind::Calibration));
@@ -149,7 +150,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         answer(controller, &handled);
     }
 
-    /// Hands the parameters that were made over to the estimator; the calibration's CRC.
+    /// Releases the parameters in the mailbox to the estimating task; returns the calibration's CRC.
     fn hand_over(&mut self, slot: &mut Mailbox, adopted: Option<CalibrationState>) -> Option<u32> {
         let calibration = adopted?;
         self.min_pressure_difference = slot.params()?.limits().min_pressure_difference;
@@ -157,7 +158,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         Some(calibration.crc)
     }
 
-    /// Writes what has been learned, where `estimate` has told it; false where not.
+    /// Writes learned health once `estimate` has filled it in; returns whether it did.
     async fn write_learned<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
         let mut slot = controller.handover.lock().await;
         let Mailbox::Requested { record, is_filled: true } = &*slot else { return false };
@@ -166,15 +167,15 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         true
     }
 
-    /// What is due once a second.
+    /// Work that is due once a second.
     async fn cycle<M: RawMutex>(&mut self, controller: &Controller<M>) {
         answer(controller, &self.service.poll(now()));
         self.check_overruns(controller);
-        // Asked for a second ago.
+        // Requested in the previous cycle.
         if await_outlined!(self.write_learned(controller)) {
             return;
         }
-        // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
+        // `estimate` collects its item within milliseconds; it must not be overwritten before.
         if !matches!(*controller.handover.lock().await, Mailbox::Empty) {
             return;
         }
@@ -200,7 +201,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
 
     async fn write_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let mut slot = controller.handover.lock().await;
-        // A copy, because others are locked out while it is looked at.
+        // A copy, because other tasks are locked out during access to the memory.
         copy_faults(controller, &mut slot);
         if let Mailbox::Faults(faults) = &*slot {
             write_record(&mut self.service, controller, faults).await;
@@ -225,7 +226,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
     }
 }
 
-/// Writes a record, and says that it does.
+/// Writes a record, and marks it as being written meanwhile.
 async fn write_record<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
     service: &mut UpdateService<'_, F, K>,
     controller: &Controller<M>,
@@ -237,13 +238,13 @@ async fn write_record<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>
     report_result(controller, result);
 }
 
-// Not inlined: the copy would lie in the task's memory for good.
+// Not inlined: the copy would otherwise occupy the task's memory permanently.
 #[inline(never)]
 fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Mailbox) {
     controller.faults(|memory| *slot = Mailbox::Faults(memory.clone()));
 }
 
-/// Level, its error and changes, to see whether they have changed.
+/// Level, standard error and number of changes of learned health, to detect changes.
 fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16)> {
     let health = controller.output(now()).ok()?.health;
     Some((health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes))
@@ -253,13 +254,13 @@ fn report_result<M: RawMutex>(controller: &Controller<M>, result: Result<(), Sto
     match result {
         Ok(()) => controller.heal_fault(FaultCode::StorageFailed),
         Err(error) => {
-            warning!("the flash refuses: {}", error);
+            warning!("flash write failed: {}", error);
             controller.confirm_fault(FaultCode::StorageFailed);
         }
     }
 }
 
-/// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
+/// Hands learned health to the estimating task if it was learned with the calibration in use and is valid.
 fn restore(slot: &mut Mailbox, crc: u32, record: &HealthRecord) {
     match record.for_calibration(crc) {
         Some(state) if state.is_sound() => slot.put_learned(state),
@@ -272,22 +273,23 @@ fn answer<M: RawMutex>(controller: &Controller<M>, handled: &CommandOutcome) {
         controller.record_fault_event(code);
     }
     if let Some((tool, answer)) = handled.answer {
-        // A tool that asks faster than the bus takes answers loses them, and asks again.
+        // A tool that sends faster than the bus accepts answers loses them, and repeats its command.
         controller.answers.try_send((tool, answer.to_bytes())).ok();
     }
 }
 
-/// Keeps for ever.
+/// Runs the storage task; never returns.
 pub async fn run_storage<M: RawMutex, F: NorFlash, K: KeySource>(
     controller: &Controller<M>,
     start: Instant,
     task: &mut StorageTask<'_, F, K>,
 ) -> ! {
     task.open(controller).await;
-    let mut ticker = Ticker::new(start, STORE_PERIOD, &controller.task_stats.store);
+    let mut ticker = Ticker::new(start, STORAGE_PERIOD, &controller.task_stats.storage);
     loop {
         let due = ticker.end_cycle();
-        // Commands in between; not without end, or a tool that floods would keep the task from its turns.
+        // Commands until the next cycle is due; bounded, so that a flooding tool cannot keep the task from its
+        // cycles.
         while Instant::now() < due {
             match with_deadline(due, controller.commands.receive()).await {
                 Ok((tool, command)) => task.handle_command(controller, tool, command).await,

@@ -1,8 +1,8 @@
-//! Task `supervise`: feeds the watchdog while every task comes to its cycles, and only then.
+//! Task `supervise`: feeds the watchdog while every task completes its cycles, and only then.
 //!
-//! A task is overdue when its cycles have stood still for longer than it may be silent. The watchdog is then not fed any
-//! more, for good: a task that comes back late has been dead, and what it left behind is not to be trusted. The hardware
-//! resets, and the note of which task it was is in memory that survives the reset.
+//! A task is overdue when its cycle count has not changed for longer than its timeout. From then on the watchdog is
+//! never fed again: the state left by a stalled task is not trustworthy even if it resumes. The hardware resets, and
+//! a crash record that names the task survives the reset.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant};
@@ -13,7 +13,7 @@ use super::shared::Controller;
 use super::task_stats::{AllTaskStats, TaskStats};
 use crate::log::warning;
 
-/// A watched task.
+/// Watched task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs, reason = "each variant is the task of its name")]
@@ -21,32 +21,32 @@ pub enum Task {
     Sample,
     Estimate,
     Publish,
-    Store,
+    Storage,
 }
 
 impl Task {
     /// Every watched task.
-    pub const ALL: [Self; 4] = [Self::Sample, Self::Estimate, Self::Publish, Self::Store];
+    pub const ALL: [Self; 4] = [Self::Sample, Self::Estimate, Self::Publish, Self::Storage];
 
-    /// Name as notes and logs state it.
+    /// Name in crash records and logs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sample => "sample",
             Self::Estimate => "estimate",
             Self::Publish => "publish",
-            Self::Store => "store",
+            Self::Storage => "storage",
         }
     }
 
-    /// Longest time without a turn.
+    /// Longest time without a cycle.
     #[must_use]
     pub const fn timeout(self) -> Duration {
         match self {
             Self::Sample => Duration::from_millis(20),
             Self::Estimate => Duration::from_millis(100),
             Self::Publish => Duration::from_secs(1),
-            Self::Store => Duration::from_secs(10),
+            Self::Storage => Duration::from_secs(10),
         }
     }
 
@@ -55,21 +55,21 @@ impl Task {
             Self::Sample => &task_stats.sample,
             Self::Estimate => &task_stats.estimate,
             Self::Publish => &task_stats.publish,
-            Self::Store => &task_stats.store,
+            Self::Storage => &task_stats.storage,
         }
     }
 }
 
-/// The hardware that resets the controller when it is not fed, and the memory that tells afterwards.
+/// Watchdog hardware, and the memory for its crash record.
 pub trait Watchdog {
-    /// Starts the hardware's time anew.
+    /// Restarts the watchdog's period.
     fn feed(&mut self);
 
-    /// Called once, when a task is overdue: leave a [crash record](crate::diagnostics::crash_log), the reset is near.
+    /// Called once, when a task is overdue: writes a [crash record](crate::diagnostics::crash_log) before the reset.
     fn give_up(&mut self, task: Task);
 }
 
-/// Which tasks have come to their turns.
+/// Supervisor of the tasks' cycle counts.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
     observed: [(u32, Instant); Task::ALL.len()],
@@ -83,8 +83,8 @@ impl Supervisor {
         Self { observed: [(0, start); Task::ALL.len()], overdue: None }
     }
 
-    /// Looks at every task; the first one that is overdue, once found, for good.
-    // Not inlined: the proof of the stacks knows the task by it.
+    /// Checks every task; returns the first overdue one, permanently once found.
+    // Not inlined: the stack analysis identifies the task by this function.
     #[inline(never)]
     pub fn check(&mut self, task_stats: &AllTaskStats, now: Instant) -> Option<Task> {
         for (task, (cycles, since)) in Task::ALL.into_iter().zip(&mut self.observed) {
@@ -99,7 +99,7 @@ impl Supervisor {
     }
 }
 
-/// Supervises for ever.
+/// Runs the supervising task; never returns.
 pub async fn run_supervise<M: RawMutex>(
     controller: &Controller<M>,
     start: Instant,

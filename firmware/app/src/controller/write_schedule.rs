@@ -1,30 +1,30 @@
-//! What is to be written to flash, and when: the rates that bound its wear.
+//! Schedule of flash writes, with the rates that bound wear.
 //!
-//! Hours and learned health are written once in a period; the fault memory when it has changed, but no oftener than a
-//! ration allows, since troubles can be made to come and go by whoever is on the bus. One record is written in a turn of
-//! the task, so that a turn's length is bounded by one record's.
+//! Operating counters and learned health are written once per period; the fault memory when it has changed, but
+//! limited by a token bucket, since any node on the bus can make faults come and go. One record is written per cycle
+//! of the task, which bounds the cycle's execution time.
 
 use kou_estimator::units::Micros;
 
-/// Rates of writing, as configured.
+/// Rates of writing, unchecked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteScheduleConfig {
-    /// Time between two writes of learned health, s: what a power cut may lose of it.
+    /// Time between two writes of learned health, s: the most that a power cut loses of it.
     pub health_s: u32,
-    /// Time between two writes of the hours, s: what a power cut may lose of them.
+    /// Time between two writes of the operating counters, s: the most that a power cut loses of them.
     pub counters_s: u32,
-    /// Writes of the fault memory that may follow each other, when none has been written for long.
+    /// Writes of the fault memory in immediate succession: capacity of the token bucket.
     pub fault_burst: u8,
     /// Time after which one more write of the fault memory is allowed, s.
     pub fault_refill_s: u32,
 }
 
 impl WriteScheduleConfig {
-    /// Rates for a vehicle: `docs/storage.md` has the years that follow.
+    /// Rates for a vehicle; `docs/storage.md` states the resulting flash lifetime.
     pub const VEHICLE: Self = Self { health_s: 600, counters_s: 600, fault_burst: 6, fault_refill_s: 600 };
 }
 
-/// Why rates are refused.
+/// Reason for rejecting rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WriteScheduleError {
@@ -49,7 +49,7 @@ impl WriteScheduleParams {
     /// Checks the rates.
     ///
     /// # Errors
-    /// The first that is out of range.
+    /// The first rate out of range.
     pub const fn new(config: &WriteScheduleConfig) -> Result<Self, WriteScheduleError> {
         const fn is_span(seconds: u32) -> bool {
             seconds >= 1 && seconds <= 86_400
@@ -68,11 +68,11 @@ impl WriteScheduleParams {
     }
 }
 
-/// Time after the start before which neither faults nor health are written, s: a controller that starts over and over wears
-/// its flash by the few bytes of the hours only.
+/// Time after start before which neither faults nor health are written, s: a controller that restarts repeatedly
+/// wears its flash only by the few bytes of the operating counters.
 const HOLDOFF_S: u32 = 2;
 
-/// What is to be written in a turn.
+/// Record that is due in a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum DueWrite {
     Nothing,
@@ -81,7 +81,7 @@ pub(super) enum DueWrite {
     OperatingCounters,
 }
 
-/// When what was written last, in seconds since the start.
+/// Times of the last writes, in seconds since start.
 #[derive(Debug, Clone)]
 pub(super) struct WriteSchedule {
     params: WriteScheduleParams,
@@ -92,7 +92,7 @@ pub(super) struct WriteSchedule {
 }
 
 impl WriteSchedule {
-    /// At the start, when the hours have just been written.
+    /// At start, when the operating counters have just been written.
     pub const fn new(params: WriteScheduleParams) -> Self {
         Self {
             params,
@@ -103,8 +103,8 @@ impl WriteSchedule {
         }
     }
 
-    /// What is due at `now`. `faults_changed` and `health_changed`: since they were last written. What is returned counts as
-    /// written, also where the flash refuses: trying without end would wear it most.
+    /// Record that is due at `now`; `faults_changed` and `health_changed` refer to the last write. The returned
+    /// record counts as written even when the flash fails: endless retries would cause the most wear.
     pub fn due(&mut self, now: Micros, faults_changed: bool, health_changed: bool) -> DueWrite {
         let now_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
         let since = |at_s: u32| now_s.saturating_sub(at_s);
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_that_make_no_sense_are_refused_by_name() {
+    fn rates_out_of_range_are_rejected_by_name() {
         let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
             (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn troubles_that_come_and_go_for_a_day_are_written_a_bounded_number_of_times() {
+    fn faults_that_come_and_go_for_a_day_cause_a_bounded_number_of_writes() {
         let mut schedule = schedule();
         let writes =
             (1..86_400).filter(|s| schedule.due(seconds(*s), true, false) == DueWrite::Faults).count();
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn health_and_hours_are_written_once_in_a_period_and_what_has_not_changed_is_not() {
+    fn health_and_counters_are_written_once_per_period_and_unchanged_health_is_not() {
         let mut schedule = schedule();
         let due: std::vec::Vec<DueWrite> =
             (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_starts_over_and_over_writes_only_its_hours() {
+    fn a_controller_that_restarts_repeatedly_writes_only_its_counters() {
         let mut schedule = schedule();
         assert_eq!(schedule.due(Micros(1_999_999), true, true), DueWrite::Nothing);
         assert_eq!(schedule.due(seconds(2), true, true), DueWrite::Faults);

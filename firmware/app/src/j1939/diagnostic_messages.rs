@@ -1,4 +1,4 @@
-//! The fault memory as DM1 and DM2 (J1939-73): lamps, then four bytes a trouble.
+//! Diagnostic messages DM1 and DM2 (SAE J1939-73): lamp status followed by four bytes per trouble code.
 
 use heapless::Vec;
 
@@ -7,19 +7,19 @@ use super::catalogue::{MALFUNCTION_LAMP, PROTECT_LAMP, RED_LAMP};
 use super::transport::MAX_LEN;
 use crate::diagnostics::{DtcList, DtcReport, Lamp};
 
-/// Which list.
+/// List of trouble codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DtcListKind {
-    /// Troubles that are there: DM1.
+    /// Active trouble codes: DM1.
     Active,
-    /// Troubles that were: DM2.
+    /// Previously active trouble codes: DM2.
     Previous,
 }
 
-/// Bytes behind the trouble in a frame of its own.
+/// Padding behind a trouble code in a single frame.
 const FILLING: usize = 2;
 
-/// One trouble in the bytes 2 to 5 of a frame, the other bytes as they are without one.
+/// Writes one trouble code into bytes 2 to 5 of a frame; zeros for none.
 fn with_trouble(mut data: [u8; 8], trouble: Option<&DtcReport>) -> [u8; 8] {
     let (spn, fmi, count) =
         trouble.map_or((0, 0, 0), |trouble| (trouble.dtc.spn, trouble.dtc.fmi, trouble.occurrences));
@@ -31,7 +31,7 @@ fn with_trouble(mut data: [u8; 8], trouble: Option<&DtcReport>) -> [u8; 8] {
     data
 }
 
-/// The bytes of the list: eight when it holds at most one trouble, then it goes in one frame; more when not.
+/// Bytes of a list: eight for at most one trouble code, sent in one frame; more otherwise.
 #[must_use]
 pub fn list(troubles: &DtcList, which: DtcListKind) -> Vec<u8, MAX_LEN> {
     let mut head = [0xFF; 8];
@@ -43,14 +43,14 @@ pub fn list(troubles: &DtcList, which: DtcListKind) -> Vec<u8, MAX_LEN> {
     let mut entries = troubles.all().iter().filter(|trouble| trouble.active == is_active);
     let first = with_trouble(head, entries.next());
     let mut rest = entries.peekable();
-    // A list that is alone in its frame is filled up to eight bytes; a longer one is not.
+    // A list in a single frame is padded to eight bytes; a longer one is not.
     let kept = if rest.peek().is_none() { first.len() } else { first.len() - FILLING };
     let rest = rest.flat_map(|trouble| {
         let [_, _, trouble @ .., _, _] = with_trouble(head, Some(trouble));
         trouble
     });
     let mut bytes = Vec::new();
-    // The list has room for every trouble that the memory holds: nothing is ever left out.
+    // The list has room for a full fault memory, so nothing is omitted.
     first.into_iter().take(kept).chain(rest).map_while(|byte| bytes.push(byte).ok()).for_each(|()| ());
     bytes
 }
@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn lists_agree_with_the_standard_layout() {
         let mut memory = FaultMemory::new();
-        // No trouble: zeros in the place of one.
+        // No trouble code: zeros in its place.
         assert_eq!(list(&memory.reports(), DtcListKind::Active)[..], [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF]);
         memory.confirm(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(1));
         // SPN 1762 = 0x006E2, FMI 5, once.

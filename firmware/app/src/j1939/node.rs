@@ -1,7 +1,7 @@
-//! The controller on the bus: address claim, requests, periodic messages and diagnostics, in one place.
+//! J1939 node: address claim, requests, periodic messages and diagnostics.
 //!
-//! It holds no driver and no clock: [`Node::receive`] takes what came, [`Node::poll`] gives what is to be sent. Nothing
-//! that comes from the bus makes it send more than one answer a call, or keep more than a fixed number of things to do.
+//! It has no driver and no clock: [`Node::receive`] takes a received frame, [`Node::poll`] returns the next frame to
+//! send. A received frame causes at most one answer per call, and the amount of pending work is bounded.
 
 use kou_estimator::Estimate;
 use kou_estimator::health::Health;
@@ -21,51 +21,51 @@ use super::transport::Broadcast;
 use crate::calibration::CalibrationState;
 use crate::diagnostics::DtcList;
 
-/// Proprietary A: the calibration update's group, see `crate::update`.
+/// Parameter group of the calibration update (proprietary A), see `crate::update`.
 pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
-/// Kind of acknowledgement: the group is not sent by this controller.
+/// Acknowledgement control byte: the group is not supported.
 const NEGATIVE: u32 = 1;
 
-/// What the periodic messages are made of.
+/// Content of the periodic messages.
 #[derive(Debug, Clone)]
 pub struct Outputs<'a> {
-    /// The latest estimate.
+    /// Latest estimate.
     pub estimate: &'a Estimate,
-    /// What has been learned; nothing where health is not learned, and then nothing is sent of it.
+    /// Learned health; without it no health message is sent.
     pub health: Option<&'a Health>,
-    /// The calibration in use.
+    /// Calibration in use.
     pub calibration: CalibrationState,
-    /// Troubles.
+    /// Trouble codes.
     pub dtcs: DtcList,
 }
 
-/// What a frame was.
+/// Classification of a received frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received {
-    /// Nothing of this controller's business.
+    /// Not relevant to this controller.
     Nothing,
-    /// Handled here.
+    /// Handled by the node.
     Handled,
-    /// A step of a calibration update, for `crate::update`.
+    /// Command of a calibration update, for `crate::update`.
     Update {
-        /// Who sent it.
+        /// Source address.
         source: u8,
-        /// What it says.
+        /// Data bytes.
         data: [u8; 8],
     },
 }
 
-/// Periodic messages, in the order in which they leave.
+/// Periodic messages in the order of sending.
 const PERIODIC: [&Message; 6] = [&LEAKAGE, &LEAKAGE_SE, &EFFICIENCY, &VALIDITY, &HEALTH, &STATUS];
 
-/// The controller on the bus.
+/// J1939 node of the controller.
 #[derive(Debug, Clone)]
 pub struct Node {
     claim: AddressClaim,
     broadcast: Broadcast,
     due: [Micros; PERIODIC.len()],
     dm1_due: Micros,
-    /// Whether the last DM1 held a trouble: the one after the last trouble is still sent.
+    /// Whether the last DM1 held a trouble code: one more DM1 is sent after the last fault has healed.
     dm1_held: bool,
     dm1_requested: bool,
     dm2_requested: bool,
@@ -75,7 +75,7 @@ pub struct Node {
 }
 
 impl Node {
-    /// A controller that will claim `preferred` (0 to 253).
+    /// Node that will claim `preferred` (0 to 253).
     #[must_use]
     pub const fn new(name: Name, preferred: u8) -> Self {
         Self {
@@ -92,7 +92,7 @@ impl Node {
         }
     }
 
-    /// The source address, once it is claimed.
+    /// Source address once claimed.
     #[must_use]
     pub fn address(&self) -> Option<u8> {
         self.claim.address()
@@ -104,19 +104,19 @@ impl Node {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
+    /// Time of the last received frame; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
     pub fn last_received(&self) -> Option<Micros> {
         self.last_received
     }
 
-    /// Claims the preferred address anew, as after a bus-off.
+    /// Claims the preferred address anew, as after bus-off.
     pub fn restart(&mut self) {
         self.claim.restart();
         self.broadcast.stop();
     }
 
-    /// Takes a frame from the bus.
+    /// Processes a received frame.
     pub fn receive(&mut self, now: Micros, frame: &Frame) -> Received {
         self.last_received = Some(now);
         let id = frame.id();
@@ -126,7 +126,7 @@ impl Node {
                 let had = self.address();
                 self.claim.receive(now, id.source(), Name::from_bytes(*name));
                 if had.is_some() && self.address().is_none() {
-                    // Nothing more is said under an address that is another's now.
+                    // Stop the broadcast under an address that now belongs to another node.
                     self.broadcast.stop();
                 }
                 return Received::Handled;
@@ -145,7 +145,7 @@ impl Node {
         Received::Nothing
     }
 
-    /// Frame of an answer of a calibration update; nothing without an address.
+    /// Frame of an answer of a calibration update; `None` without an address.
     #[must_use]
     pub fn update_answer(&self, tool: u8, answer: [u8; 8]) -> Option<Frame> {
         let source = self.address()?;
@@ -168,7 +168,7 @@ impl Node {
         }
     }
 
-    /// The next frame that is due; to be called until there is none, every 10 ms or so.
+    /// Next frame to send; to be called until it returns `None`, about every 10 ms.
     pub fn poll(&mut self, now: Micros, outputs: &Outputs<'_>) -> Option<Frame> {
         if let Some(frame) = self.claim.poll(now) {
             return Some(frame);
@@ -187,7 +187,7 @@ impl Node {
     }
 
     fn diagnostics(&mut self, now: Micros, source: u8, troubles: &DtcList) -> Option<Frame> {
-        // Both lists share the one transport: while it is busy, they wait.
+        // Both lists share one transport: they wait while it is busy.
         if self.broadcast.is_busy() {
             return None;
         }
@@ -217,7 +217,7 @@ impl Node {
         None
     }
 
-    /// A list in one frame where it fits; else its announcement.
+    /// Sends a list in one frame if it fits, else its announcement.
     fn send_list(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
         match <[u8; 8]>::try_from(bytes) {
             Ok(data) => Some(frame_of(message, source, data)),
@@ -231,7 +231,8 @@ impl Node {
             if now < *due {
                 continue;
             }
-            // Kept in step, unless so late that messages would follow one another without a pause.
+            // The schedule keeps its phase, unless it is so late that messages would follow one another without a
+            // gap.
             let in_step = Micros(due.0.saturating_add(1000 * u64::from(message.period_ms)));
             *due = if in_step > now { in_step } else { later(now, message) };
             let data = if message.pgn == LEAKAGE.pgn {

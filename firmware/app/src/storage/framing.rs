@@ -1,4 +1,4 @@
-//! The frame of a record in flash.
+//! Frame of a record in flash: key, schema, sequence number, body and CRC.
 //!
 //! ```text
 //! offset 0   key       u8      kind of record and which of its two copies
@@ -8,19 +8,19 @@
 //!        7+n crc       u32 LE  CRC-32/ISO-HDLC over everything before it
 //! ```
 //!
-//! Beneath it, sequential-storage keeps key, length and a CRC of its own; this one holds for the record wherever it is
-//! and whatever library wrote it.
+//! Beneath it, sequential-storage adds key, length and a CRC of its own; this CRC protects the record independently
+//! of the library that wrote it.
 
 use kou_estimator::calibration::record::crc32;
 use sequential_storage::map::{SerializationError, Value};
 use serde::{Deserialize, Serialize};
 
-/// Bytes before the body.
+/// Length of the header before the body.
 pub(super) const HEAD: usize = 7;
-/// Bytes behind the body.
+/// Length of the CRC behind the body.
 pub(super) const TAIL: usize = 4;
 
-/// A kind of record. The number is the key in flash: append only.
+/// Kind of a record. The number is the key in flash: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
@@ -31,11 +31,11 @@ pub enum RecordKind {
     Health = 1,
     /// Fault memory.
     Faults = 2,
-    /// Hours, restarts and their causes.
+    /// Operating time, restarts and their causes.
     OperatingCounters = 3,
-    /// Counter of the last accepted update, by itself.
+    /// Counter of the last accepted update, as a record of its own.
     UpdateCounter = 4,
-    /// The last note that outlived a reset.
+    /// Last crash record.
     Stop = 5,
 }
 
@@ -50,7 +50,7 @@ impl RecordKind {
         Self::Stop,
     ];
 
-    /// Name as reports print it.
+    /// Name printed by reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,13 +63,13 @@ impl RecordKind {
         }
     }
 
-    /// The kind of this number.
+    /// Kind of a number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| *kind as u8 == number)
     }
 
-    /// Key of one of the two copies.
+    /// Flash key of one of the two copies.
     pub(super) const fn key(self, copy: RecordCopy) -> u8 {
         ((self as u8) << 1) | copy as u8
     }
@@ -82,27 +82,27 @@ pub(super) enum RecordCopy {
     B = 1,
 }
 
-/// Something that is kept in flash.
+/// Data that is stored in flash as a record.
 pub trait Record<'a>: Serialize + Deserialize<'a> {
-    /// Its kind.
+    /// Kind of the record.
     const KIND: RecordKind;
-    /// Number of its layout: raised with every change of a field, its order, its unit or its meaning.
+    /// Number of its layout: incremented with every change of a field, its order, its unit or its meaning.
     const SCHEMA: u16;
 
-    /// The record from the body of an older schema; nothing where that is not read any more.
+    /// Converts the body of an older schema; `None` if that schema is no longer supported.
     #[must_use]
     fn migrate(_schema: u16, _body: &'a [u8]) -> Option<Self> {
         None
     }
 }
 
-/// Something that writes the body of a record; an object, so that the code that writes is there once for all kinds.
+/// Writer of a record's body; used as a trait object, so that the writing code exists once for all kinds.
 pub(super) trait WriteBody {
-    /// Writes the body and says how long it is; nothing when it does not fit.
+    /// Writes the body and returns its length; `None` when it does not fit.
     fn write_body(&self, body: &mut [u8]) -> Option<usize>;
 }
 
-/// Fields, to be written in postcard's wire format.
+/// Fields to be serialised in postcard's wire format.
 pub(super) struct Fields<'r, R>(pub &'r R);
 
 impl<R: Serialize> WriteBody for Fields<'_, R> {
@@ -118,7 +118,7 @@ impl WriteBody for &[u8] {
     }
 }
 
-/// A record on its way into flash.
+/// Record to be written.
 #[derive(Clone, Copy)]
 pub(super) struct OutgoingFrame<'r> {
     pub key: u8,
@@ -127,7 +127,7 @@ pub(super) struct OutgoingFrame<'r> {
     pub body: &'r dyn WriteBody,
 }
 
-/// A record as it came out of flash: frame checked, body not yet understood.
+/// Record as read: frame checked, body not yet decoded.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoredFrame<'a> {
     /// Key under which it was written.
@@ -160,7 +160,7 @@ impl<'a> Value<'a> for OutgoingFrame<'_> {
 
 impl<'a> Value<'a> for StoredFrame<'a> {
     fn serialize_into(&self, _: &mut [u8]) -> Result<usize, SerializationError> {
-        // What is written is an `OutgoingFrame`.
+        // Records are written as an `OutgoingFrame`.
         Err(SerializationError::InvalidData)
     }
 
@@ -170,7 +170,7 @@ impl<'a> Value<'a> for StoredFrame<'a> {
 }
 
 impl<'a> StoredFrame<'a> {
-    /// The frame in these bytes; nothing when it is too short or its CRC does not match.
+    /// Parses a frame; `None` when it is too short or its CRC does not match.
     fn parse(bytes: &'a [u8]) -> Option<Self> {
         let (covered, crc) = bytes.split_last_chunk::<TAIL>()?;
         let (&[key, s0, s1, q0, q1, q2, q3], body) = covered.split_first_chunk::<HEAD>()?;
@@ -182,12 +182,12 @@ impl<'a> StoredFrame<'a> {
         })
     }
 
-    /// The record, when it was written under this key.
+    /// The frame, if it was written under this key.
     pub(super) fn with_key(self, key: u8) -> Option<Self> {
         (self.key == key).then_some(self)
     }
 
-    /// What the body says.
+    /// Decodes the body.
     pub(super) fn decode<R: Record<'a>>(self) -> Result<R, DecodeError> {
         if self.schema != R::SCHEMA {
             return R::migrate(self.schema, self.body).ok_or(DecodeError::Schema(self.schema));
@@ -199,11 +199,11 @@ impl<'a> StoredFrame<'a> {
     }
 }
 
-/// Why a whole record cannot be understood.
+/// Reason why an intact record cannot be decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum DecodeError {
-    /// Written by a version whose schema this one does not read.
+    /// Unsupported schema.
     Schema(u16),
-    /// The body is not such a record.
+    /// The body is not a record of this kind.
     Body,
 }

@@ -1,13 +1,13 @@
-//! The controller's side of update and reading: one transfer at a time, every step guarded.
+//! Controller side of update and read-out: a state machine for one transfer at a time, every step checked.
 //!
 //! ```text
-//! idle --begin--> receiving --data..., commit, all checks--> writing --stored--> idle (swapped)
-//!  |                 |  refusal, abort, 1 s of silence --> idle (nothing changed)
-//!  '--read--> filling --filled--> reading --1 s of silence, begin, abort--> idle
+//! idle --begin--> receiving --data..., commit, all checks--> writing --stored--> idle (activated)
+//!  |                 |  rejection, abort, timeout of 1 s --> idle (nothing changed)
+//!  '--read--> filling --filled--> reading --timeout of 1 s, begin, abort--> idle
 //! ```
 //!
-//! The session does neither flash nor swap: it says what is [to do](SessionAction), and is told how it went. It needs one buffer
-//! for one transfer, its own.
+//! The session neither writes flash nor activates a calibration: it returns an [action](SessionAction) and is
+//! informed of its result. It needs one buffer of its own for one transfer.
 
 use kou_estimator::Sample;
 use kou_estimator::calibration::record;
@@ -21,44 +21,44 @@ use crate::calibration::active::{check_record as check_calibration, crc_of};
 use crate::diagnostics::RejectReason;
 use crate::log::info;
 
-/// Longest silence of a tool in the middle of a transfer.
+/// Timeout between two commands of a transfer.
 pub const TIME_OUT: Micros = Micros(1_000_000);
-/// Shortest record: less cannot hold head and CRC.
+/// Shortest record: header and CRC.
 const MIN_LEN: usize = 12;
-/// Fastest pump that counts as standing still, where the pressure is not known, r/min.
+/// Highest pump speed that counts as standstill when the pressure is unknown, r/min.
 const STANDSTILL_RPM: f32 = 1.0;
 
-/// Whether the drive is loaded: the lines' pressure difference is at least `least_difference`, the calibration's
-/// `limits.min_pressure_difference_mpa`. What is not known counts as loaded, but where the pressure is not known a pump at
-/// standstill counts as not loaded: a calibration with wrong sensor ranges could never be replaced otherwise.
+/// Whether the drive is loaded: the pressure difference of the lines is at least `min_difference`, the
+/// calibration's `limits.min_pressure_difference_mpa`. Unknown pressure counts as loaded, except at pump standstill:
+/// otherwise a calibration with wrong sensor ranges could never be replaced.
 #[must_use]
-pub fn is_loaded(sample: &Sample, least_difference: Megapascal) -> bool {
+pub fn is_loaded(sample: &Sample, min_difference: Megapascal) -> bool {
     match sample.high_pressure.value {
         Ok(high) => {
             let low = sample.low_pressure.value.map_or(0.0, |low| low.get());
             let difference = high.get() - low;
-            // NaN is not below anything, so it counts as loaded.
-            let is_unloaded = difference < least_difference.get();
+            // NaN compares false, so it counts as loaded.
+            let is_unloaded = difference < min_difference.get();
             !is_unloaded
         }
         Err(_) => !sample.pump_speed.value.is_ok_and(|n| n.get().abs() < STANDSTILL_RPM),
     }
 }
 
-/// What an update must get past.
+/// Conditions that an update must meet.
 #[derive(Clone, Copy)]
 pub struct UpdateGuard<'a> {
-    /// Whether the drive is loaded, by [`is_loaded`].
+    /// Result of [`is_loaded`].
     pub loaded: bool,
-    /// The key.
+    /// Source of the key.
     pub keys: &'a dyn KeySource,
     /// Counter of the last accepted update.
     pub counter: u32,
-    /// The machine of the calibration in use; nothing where none is in use: then the first one is taken.
+    /// Machine of the calibration in use; `None` without one: then the first calibration is accepted.
     pub machine: Option<&'a MachineIdentity>,
 }
 
-/// What can be read.
+/// Data that can be read out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReadTarget {
@@ -66,7 +66,7 @@ pub enum ReadTarget {
     Calibration,
     /// Learned state as last written: [`crate::storage::HealthRecord`] in postcard's wire format.
     Health,
-    /// Why the firmware last stopped itself: [`crate::storage::CrashReport`] in postcard's wire format.
+    /// Last crash: [`crate::storage::CrashReport`] in postcard's wire format.
     Stop,
 }
 
@@ -89,27 +89,28 @@ impl ReadTarget {
     }
 }
 
-/// What the caller is to do.
+/// Action requested from the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SessionAction {
-    /// Write [`UpdateSession::record`] with this counter to flash, then call [`UpdateSession::stored`]; then take it into use.
+    /// Write [`UpdateSession::record`] with this counter to flash, then call [`UpdateSession::stored`]; then activate
+    /// it.
     Store {
         /// Counter of the update.
         counter: u32,
     },
-    /// Call [`UpdateSession::fill`] with what is to be read.
+    /// Call [`UpdateSession::fill`] with the data to be read out.
     Fill(ReadTarget),
 }
 
-/// What a step led to.
+/// Outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SessionOutcome {
-    /// To be sent back to this address.
+    /// Answer and its destination address.
     pub answer: Option<(u8, UpdateAnswer)>,
-    /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
+    /// Rejection, to be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
     pub rejected: Option<RejectReason>,
-    /// To be done.
+    /// Action to be performed.
     pub todo: Option<SessionAction>,
 }
 
@@ -139,7 +140,7 @@ enum SessionState {
     Reading { length: usize },
 }
 
-/// The one transfer that can be under way.
+/// Update session: the one transfer that can be in progress.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UpdateSession {
     stage: SessionState,
@@ -155,24 +156,25 @@ impl Default for UpdateSession {
 }
 
 impl UpdateSession {
-    /// Nothing under way.
+    /// Idle session.
     #[must_use]
     pub const fn new() -> Self {
         Self { stage: SessionState::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
     }
 
-    /// Whether nothing is under way. Then the buffer serves as scratch memory, see [`scratch`](Self::scratch).
+    /// Whether no transfer is in progress. The buffer is then available as scratch memory, see
+    /// [`scratch`](Self::scratch).
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.stage == SessionState::Idle
     }
 
-    /// The buffer, for other use while nothing is under way, as at start-up.
+    /// Buffer for other use while idle, as at start-up.
     pub fn scratch(&mut self) -> Option<&mut [u8]> {
         self.is_idle().then_some(&mut self.buffer[..])
     }
 
-    /// The checked record, while it is to be written and taken into use; empty at any other time.
+    /// Verified record while it is to be written and activated; empty at any other time.
     #[must_use]
     pub fn record(&self) -> &[u8] {
         match self.stage {
@@ -181,7 +183,7 @@ impl UpdateSession {
         }
     }
 
-    /// Takes what a tool sent. `command` are the eight bytes of its frame.
+    /// Handles the eight bytes of a tool's command.
     pub fn receive(
         &mut self,
         now: Micros,
@@ -201,7 +203,7 @@ impl UpdateSession {
         match self.step(tool, command, guard) {
             Ok(outcome) => outcome,
             Err(why) => {
-                // Whatever was under way is over: a refused transfer is begun anew.
+                // The transfer in progress ends: a rejected transfer must be restarted.
                 self.stage = SessionState::Idle;
                 let detail = if why == RejectReason::OldCounter { guard.counter } else { 0 };
                 SessionOutcome::rejection(tool, number, why, detail)
@@ -256,7 +258,7 @@ impl UpdateSession {
         }
     }
 
-    /// Takes one segment; it must be the one that is due.
+    /// Accepts a segment, which must be the next one in order.
     fn accept_segment(
         &mut self,
         number: usize,
@@ -275,7 +277,7 @@ impl UpdateSession {
         Ok(filled.saturating_add(bytes.len()).min(total))
     }
 
-    /// Everything that must hold before the record is written.
+    /// Verifies every condition before the record is written.
     fn check(
         &self,
         length: usize,
@@ -289,7 +291,7 @@ impl UpdateSession {
         if guard.loaded {
             return Err(RejectReason::Loaded);
         }
-        // It may have been raised by another way since the transfer began.
+        // The counter may have been raised in another way since the transfer began.
         if counter <= guard.counter {
             return Err(RejectReason::OldCounter);
         }
@@ -303,7 +305,7 @@ impl UpdateSession {
         check_record(record, guard.machine)
     }
 
-    /// Told how writing went; gives the answer to the tool. The record is gone with it: take it into use before.
+    /// Completes a write and returns the answer to the tool. The record is lost with it: activate it before.
     pub fn stored(&mut self, is_written: bool) -> SessionOutcome {
         let crc = crc_of(self.record());
         if !matches!(core::mem::replace(&mut self.stage, SessionState::Idle), SessionState::Writing { .. }) {
@@ -317,7 +319,7 @@ impl UpdateSession {
         }
     }
 
-    /// Told what is to be read: `write` fills a buffer and says how long it is, or that there is nothing.
+    /// Supplies the data to be read out: `write` fills a buffer and returns the length, or `None` without data.
     pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> SessionOutcome {
         let SessionState::Filling { what } = self.stage else { return SessionOutcome::default() };
         let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
@@ -334,7 +336,7 @@ impl UpdateSession {
         )
     }
 
-    /// Ends a transfer whose tool has fallen silent. To be called every 100 ms or so.
+    /// Ends a transfer after a timeout. To be called about every 100 ms.
     pub fn poll(&mut self, now: Micros) -> SessionOutcome {
         let is_late = now.0.saturating_sub(self.last.0) > TIME_OUT.0;
         match self.stage {
@@ -342,7 +344,7 @@ impl UpdateSession {
                 self.stage = SessionState::Idle;
                 SessionOutcome::rejection(self.tool, 2, RejectReason::TimeOut, 0)
             }
-            // A tool that stops reading has read enough.
+            // A tool that stops reading has finished.
             SessionState::Reading { .. } if is_late => {
                 self.stage = SessionState::Idle;
                 SessionOutcome::default()
@@ -368,7 +370,7 @@ fn begin(length: usize, counter: u32, guard: &UpdateGuard<'_>) -> Result<Session
     Ok(SessionState::Receiving { length, counter, filled: 0 })
 }
 
-/// The whole record: readable, past every check that the estimator makes, and for this machine.
+/// Checks the whole record: readable, valid by the estimator's checks, and for this machine.
 fn check_record(bytes: &[u8], machine: Option<&MachineIdentity>) -> Result<(), RejectReason> {
     let candidate = check_calibration(bytes)?;
     if machine.is_some_and(|machine| !machine.accepts(&candidate)) {

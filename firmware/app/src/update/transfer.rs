@@ -1,4 +1,4 @@
-//! The tool's side of an update: the commands, one after the other. Each is sent when the one before was answered well.
+//! Tool side of an update: its commands in order, each to be sent after a positive answer to the previous one.
 
 use kou_estimator::calibration::record::MAX_LEN;
 
@@ -16,19 +16,19 @@ pub struct UpdateTransfer {
 }
 
 impl UpdateTransfer {
-    /// Puts record and tag together.
+    /// Combines record and tag.
     ///
     /// # Errors
-    /// [`RejectReason::Length`] for bytes that are no record by their length.
+    /// [`RejectReason::Length`] for a length that no record has.
     pub fn new(record: &[u8], counter: u32, key: &Key) -> Result<Self, RejectReason> {
         let tag = mac::tag(key, counter, record).ok_or(RejectReason::Length)?;
         Self::with_tag(record, counter, &tag)
     }
 
-    /// As [`new`](Self::new), with a tag made elsewhere: where the key is kept by a server.
+    /// As [`new`](Self::new), with a tag made elsewhere, for instance by a key server.
     ///
     /// # Errors
-    /// As of [`new`](Self::new).
+    /// Those of [`new`](Self::new).
     pub fn with_tag(record: &[u8], counter: u32, tag: &[u8; TAG_LEN]) -> Result<Self, RejectReason> {
         if record.is_empty() || record.len() > MAX_LEN {
             return Err(RejectReason::Length);
@@ -40,7 +40,7 @@ impl UpdateTransfer {
         Ok(Self { bytes, length, counter })
     }
 
-    /// The command of this number: begin, every segment, commit; then there is none.
+    /// Command of a number: begin, every segment, commit; then `None`.
     #[must_use]
     pub fn command(&self, number: usize) -> Option<UpdateCommand> {
         let segments = self.bytes.len().div_ceil(SEGMENT);

@@ -1,4 +1,4 @@
-//! Commands and answers of the update, eight bytes each, in frames of proprietary A (PGN 61184).
+//! Encoding of the update's commands and answers, eight bytes each; on CAN in frames of proprietary A (PGN 61184).
 //!
 //! ```text
 //! command   byte 0  1        2..7
@@ -6,17 +6,17 @@
 //! data         02   number   six bytes of record and tag, the last segment filled up with FF
 //! commit       03   FF
 //! abort        04   FF
-//! read         11   what     FF                             1: calibration in use, 2: learned state, 3: last stop
+//! read         11   target   FF                             1: calibration in use, 2: learned state, 3: last crash
 //! next         12   number   FF
 //!
 //! answer    byte 0  1        2..7
 //! begun        81   version  FF
-//! taken        82   number   of the segment that is due next, FF
+//! accepted     82   number   of the next segment in order, FF
 //! committed    83   FF       FF FF, CRC-32 of the record u32 LE
 //! aborted      84   FF
-//! to be read   91   what     length u16 LE, CRC-32 of all bytes u32 LE
+//! read ready   91   target   length u16 LE, CRC-32 of all bytes u32 LE
 //! segment      92   number   six bytes, the last segment filled up with FF
-//! refused      7F   command  number of the refusal, FF, detail u32 LE (old counter: the last one)
+//! rejected     7F   command  number of the reason, FF, detail u32 LE (old counter: the last one)
 //! ```
 
 use super::mac::TAG_LEN;
@@ -24,7 +24,7 @@ use crate::diagnostics::RejectReason;
 
 /// Version of this protocol.
 pub const VERSION: u8 = 1;
-/// Bytes of a transfer in one segment.
+/// Payload bytes of a segment.
 pub const SEGMENT: usize = 6;
 
 const BEGIN: u8 = 0x01;
@@ -36,34 +36,34 @@ const NEXT: u8 = 0x12;
 const ANSWER: u8 = 0x80;
 const REJECTED: u8 = 0x7F;
 
-/// What a tool asks.
+/// Command of a tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum UpdateCommand {
     /// Begins an update.
     Begin {
-        /// Bytes of the record, without the tag.
+        /// Length of the record without the tag.
         length: u16,
         /// Counter of the update.
         counter: u32,
     },
-    /// The next six bytes.
+    /// Next six bytes.
     Data {
         /// Number of the segment, from 0.
         number: u8,
         /// The bytes.
         bytes: [u8; SEGMENT],
     },
-    /// All was sent: check it, write it, use it.
+    /// End of the data: verify, write, activate.
     Commit,
-    /// Forget the transfer.
+    /// Discards the transfer.
     Abort,
-    /// Begins a reading: 1 the calibration in use, 2 the learned state, 3 why the firmware last stopped itself.
+    /// Begins a read-out: 1 calibration in use, 2 learned state, 3 last crash.
     Read {
-        /// What.
+        /// Number of the data to read.
         what: u8,
     },
-    /// Asks for six bytes of what is read.
+    /// Requests six bytes of a read-out.
     Next {
         /// Number of the segment, from 0.
         number: u8,
@@ -71,7 +71,7 @@ pub enum UpdateCommand {
 }
 
 impl UpdateCommand {
-    /// The command in these bytes; nothing when this version knows none.
+    /// Decodes a command; `None` when this version does not know it.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
         let [command, one, b2, b3, b4, b5, b6, b7] = bytes;
@@ -89,7 +89,7 @@ impl UpdateCommand {
         })
     }
 
-    /// The bytes of the command.
+    /// Encodes the command.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         match self {
@@ -107,15 +107,15 @@ impl UpdateCommand {
     }
 }
 
-/// What the controller answers.
+/// Answer of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum UpdateAnswer {
     /// The update may be sent.
     Begun,
-    /// The segment was taken.
+    /// The segment was accepted.
     SegmentAccepted {
-        /// Number of the segment that is due next.
+        /// Number of the next segment in order.
         next: u8,
     },
     /// The calibration is in flash and in use.
@@ -123,37 +123,37 @@ pub enum UpdateAnswer {
         /// CRC-32 of its record.
         crc: u32,
     },
-    /// The transfer is forgotten.
+    /// The transfer is discarded.
     Aborted,
-    /// What was asked for can be read.
+    /// The requested data can be read.
     ReadReady {
-        /// What.
+        /// Number of the data to read.
         what: u8,
-        /// Its length in bytes.
+        /// Length in bytes.
         length: u16,
         /// CRC-32/ISO-HDLC of its bytes.
         crc: u32,
     },
-    /// Six bytes of what is read.
+    /// Six bytes of a read-out.
     Segment {
         /// Number of the segment.
         number: u8,
         /// The bytes.
         bytes: [u8; SEGMENT],
     },
-    /// The command was not obeyed.
+    /// The command was rejected.
     Rejected {
         /// First byte of the command.
         command: u8,
-        /// Why.
+        /// Reason.
         reason: RejectReason,
-        /// More, of some refusals.
+        /// Detail of some reasons.
         detail: u32,
     },
 }
 
 impl UpdateAnswer {
-    /// The answer in these bytes; nothing when this version knows none.
+    /// Decodes an answer; `None` when this version does not know it.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
         let [answer, one, b2, b3, b4, b5, b6, b7] = bytes;
@@ -172,7 +172,7 @@ impl UpdateAnswer {
         })
     }
 
-    /// The bytes of the answer.
+    /// Encodes the answer.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         match self {
@@ -202,12 +202,12 @@ const fn with_word(first: u8, second: u8, [third, fourth]: [u8; 2], word: u32) -
     [first, second, third, fourth, w0, w1, w2, w3]
 }
 
-/// Bytes of a transfer of a record of this length.
+/// Transfer length of a record of this length.
 pub(super) const fn transfer_len(record_len: usize) -> usize {
     record_len.saturating_add(TAG_LEN)
 }
 
-/// Segment of these bytes, filled up with FF; nothing behind their end.
+/// Segment of these bytes, padded with FF; `None` beyond the end.
 pub(super) fn segment(bytes: &[u8], number: u8) -> Option<[u8; SEGMENT]> {
     let chunk = bytes.chunks(SEGMENT).nth(usize::from(number))?;
     let mut out = [0xFF; SEGMENT];

@@ -1,4 +1,4 @@
-//! Stack and program of this chip for [`kou_app::diagnostics::backtrace`].
+//! Stack and program memory of this chip for [`kou_app::diagnostics::backtrace`].
 
 use core::ops::Range;
 
@@ -12,7 +12,7 @@ unsafe extern "C" {
     static __etext: u32;
 }
 
-/// The code in flash.
+/// Code in flash.
 pub(crate) struct CodeFlash;
 
 impl CodeMemory for CodeFlash {
@@ -22,7 +22,7 @@ impl CodeMemory for CodeFlash {
 
     fn halfword(&self, at: u32) -> u16 {
         #[allow(unsafe_code, reason = "the program is read as memory")]
-        // SAFETY: asked for at even addresses within the code only, which is flash that nobody writes.
+        // SAFETY: called for even addresses within the code only, which is flash that nobody writes.
         unsafe {
             core::ptr::with_exposed_provenance::<u16>(at as usize).read_volatile()
         }
@@ -33,7 +33,7 @@ fn address(of: *const u32) -> u32 {
     of.expose_provenance() as u32
 }
 
-/// Words of the stack from here to its beginning.
+/// Words of the stack from the present frame to its beginning.
 pub(crate) fn stack() -> impl Iterator<Item = u32> {
     let here = 0_u32;
     let words = address(&raw const here)..address(&raw const _stack_start);

@@ -1,15 +1,15 @@
-//! The leakage estimator's firmware for ST's NUCLEO-G474RE: the application's tasks, each in an executor of its priority.
+//! Firmware for ST's NUCLEO-G474RE: the application's tasks, each in an executor of its priority.
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`backtrace`] | who called, for the note that a panic leaves |
-//! | [`can`] | the CAN bus |
-//! | [`flash`] | where records are init_static, what production wrote, words that a power cut has spoilt |
+//! | [`backtrace`] | stack and program memory for the backtrace of a panic |
+//! | [`can`] | CAN driver |
+//! | [`flash`] | record region, production page, damaged words |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
-//! | [`watchdog`] | watchdog, reset cause, the note across a reset, panics and hard faults |
+//! | [`watchdog`] | watchdog, reset cause, crash record, panics and hard faults |
 //!
-//! The pins are in the README. `unsafe` stands where hardware needs it, each use with its reason.
+//! The pins are in the README. Every use of `unsafe` states its reason.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -63,10 +63,10 @@ bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => embassy_stm32::can::IT1InterruptHandler<peripherals::FDCAN1>;
 });
 
-/// What the tasks, of three priorities, share.
+/// State shared by the tasks, which run at several priorities.
 type SharedState = Controller<CriticalSectionRawMutex>;
 
-/// Executors above the thread's, on interrupts of peripherals that the board does not use.
+/// Executors above the thread's, in interrupts of unused peripherals.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
 static HIGH: InterruptExecutor = InterruptExecutor::new();
 static LOW: InterruptExecutor = InterruptExecutor::new();
@@ -103,7 +103,7 @@ type FrontEnd = AdcSampler<
     Pickups,
 >;
 
-/// What the front end takes of the chip.
+/// Peripherals of the front end.
 struct FrontEndPins {
     spi: Peri<'static, peripherals::SPI1>,
     spi_pins:
@@ -114,7 +114,7 @@ struct FrontEndPins {
     pickups: (Peri<'static, peripherals::PA0>, Peri<'static, peripherals::PA1>),
 }
 
-/// What the bus takes of the chip.
+/// Peripherals of the CAN bus.
 struct CanPins {
     can: Peri<'static, peripherals::FDCAN1>,
     receive: Peri<'static, peripherals::PA11>,
@@ -123,8 +123,8 @@ struct CanPins {
 
 type FlashStorageTask = StorageTask<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
 
-// What the tasks work with lies outside of them: a task is put together on the stack and then moved to its place. Made at start:
-// as statics with values they would lie in flash as well, kilobytes of it.
+// Working data of the tasks, outside of them: a task is built on the stack and then moved. Initialised at start:
+// statics with initial values would occupy kilobytes of flash as well.
 static CONTROLLER: StaticCell<SharedState> = StaticCell::new();
 static STORE: StaticCell<Store<Flash<'static, flash::Mode>>> = StaticCell::new();
 static SESSION: StaticCell<UpdateSession> = StaticCell::new();
@@ -166,7 +166,7 @@ async fn supervise(shared: &'static SharedState, start: Instant, mut keeper: Wat
     run_supervise(shared, start, &mut keeper).await
 }
 
-/// Tells the bus, and the log when the estimates become valid and when they cease to be.
+/// Publishes on the bus, and logs when the estimates become valid or invalid.
 struct Publisher {
     bus: CanInterface<'static, can::FdcanPort, CriticalSectionRawMutex>,
     was_valid: Option<bool>,
@@ -193,21 +193,22 @@ impl Publish for Publisher {
     }
 }
 
-/// Preferred address on the bus, of those that J1939 leaves free to be claimed (128 to 247).
+/// Preferred address, from the range that J1939 leaves free to be claimed (128 to 247).
 const ADDRESS: u8 = 0x8C;
 
-/// Address of the controller whose oil temperature (SPN 177) checks the own thermometer, where one sends it: state it here.
+/// Address of the controller whose oil temperature (SPN 177) checks the own thermometer; `None` without one.
 const OIL_FROM: Option<u8> = None;
 
-/// Serial number in the controller's NAME: 21 bits of the chip's own, so that two controllers on a bus differ.
+/// Serial number in the controller's NAME: 21 bits of the chip's unique identifier, so that two controllers on a bus
+/// differ.
 fn identity() -> u32 {
     crc32(&embassy_stm32::uid::uid()) & 0x1F_FFFF
 }
 
-/// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
+/// SPI clock of the converter: 1 MHz, as its data sheet allows at 3.3 V.
 const ADC_CLOCK: Hertz = Hertz(1_000_000);
 
-/// A value in its place for good. Not inlined, so that what it is made of leaves the stack at once; each place is taken once.
+/// Initialises a static once. Not inlined, so that temporaries leave the stack at once.
 #[inline(never)]
 fn init_static<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
     match place.try_init_with(make) {
@@ -298,7 +299,7 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     interrupt::UART5.set_priority(Priority::P7);
     interrupt::LPUART1.set_priority(Priority::P8);
     let (highest, high) = (HIGHEST.start(interrupt::UART4), HIGH.start(interrupt::UART5));
-    // The thread is left to what is written to flash: searching it takes longer than a period of the bus.
+    // The thread is left to the storage task: searching the flash takes longer than a period of the bus.
     let low = LOW.start(interrupt::LPUART1);
     let start = Instant::now();
     highest.spawn(sample(shared, start, params, front_end, memory)?);

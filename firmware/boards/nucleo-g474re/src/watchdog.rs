@@ -1,5 +1,4 @@
-//! What keeps the controller alive, and what tells afterwards why it was not: watchdog, reset cause, the note across a
-//! reset, panics and hard faults.
+//! Watchdog and crash handling: watchdog driver, reset cause, crash record across a reset, panics and hard faults.
 
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
@@ -17,14 +16,14 @@ use kou_app::diagnostics::crash_log::{self, CrashKind, CrashText};
 
 use crate::backtrace::{self, CodeFlash};
 
-/// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
+/// Period after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
 
 #[allow(unsafe_code, reason = "start-up must leave this memory alone, which its section says")]
 #[unsafe(link_section = ".uninit.note")]
 static mut NOTE: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
 
-/// The note's memory, for as long as the closure runs, which nothing can interrupt.
+/// Exclusive access to the crash record's memory for the duration of a closure, with interrupts off.
 fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
     critical_section::with(|_| {
         #[allow(unsafe_code, reason = "the only reference to the note's memory")]
@@ -36,13 +35,13 @@ fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
     })
 }
 
-/// The independent watchdog, started.
+/// Driver of the independent watchdog.
 pub(crate) struct WatchdogDriver {
     watchdog: IndependentWatchdog<'static, IWDG>,
 }
 
 impl WatchdogDriver {
-    /// Starts the watchdog; nothing stops it any more.
+    /// Starts the watchdog, which cannot be stopped again.
     pub(crate) fn new(iwdg: Peri<'static, IWDG>) -> Self {
         let mut watchdog = IndependentWatchdog::new(iwdg, WATCHDOG_US);
         watchdog.unleash();
@@ -64,7 +63,7 @@ impl Watchdog for WatchdogDriver {
     }
 }
 
-/// Why the controller started, publisher to the log as well; the hardware and the note's memory forget it.
+/// Reason of the present start, also logged; clears it in the hardware and in the crash record's memory.
 pub(crate) fn begin() -> StartReason {
     let (has_survived, crash_record) =
         with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
@@ -75,7 +74,7 @@ pub(crate) fn begin() -> StartReason {
     } else if flags.sftrstf() {
         ResetCause::Software
     } else if flags.borrstf() {
-        // Set at every power-on as well: the supply came through the brown-out threshold.
+        // Set at every power-on as well: the supply has passed the brown-out threshold.
         crash_log::supply_reset(has_survived)
     } else if flags.pinrstf() {
         ResetCause::Pin
@@ -89,7 +88,7 @@ pub(crate) fn begin() -> StartReason {
     StartReason { cause, crash_record }
 }
 
-/// Leaves a note and resets.
+/// Writes a crash record and resets.
 pub(crate) fn stop(why: &str) -> ! {
     leave(CrashKind::Panic, |text| {
         text.push(why);
@@ -104,7 +103,7 @@ fn leave(kind: CrashKind, tell: impl FnOnce(&mut CrashText<'_>)) -> ! {
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
-    // Who called; the texts and places of all panics would take 8 KB of flash.
+    // Backtrace only: texts and locations of all panics would take 8 KB of flash.
     leave(CrashKind::Panic, |text| write_backtrace(text, return_addresses(&CodeFlash, backtrace::stack())))
 }
 

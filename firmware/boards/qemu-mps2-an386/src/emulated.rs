@@ -1,12 +1,12 @@
-//! The controller's hardware in QEMU: a converter and a timer whose other end is the host.
+//! Emulated hardware of the controller in QEMU: converter, timer, CAN, flash and watchdog, simulated by the host.
 //!
-//! Once in a millisecond, when the sampling task asks for the edges, one message goes to the host and one comes back; the
-//! converter's transactions of that millisecond are in it already, because the task asks for the same inputs each time.
-//! The driver still clocks its own bytes: a transaction that was not foreseen fails.
+//! Once per millisecond, when the sampling task reads the edges, one message goes to the host and one comes back. It
+//! contains the converter's transactions of that millisecond, because the task requests the same inputs each time.
+//! The driver still clocks its own bytes: an unexpected transaction fails.
 //!
-//! The flash is the host's as well. Its operations are exchanged at once, with interrupts off, since both kinds of message
-//! share the line; the time that the hardware would take is waited for afterwards, and other tasks run meanwhile, as they
-//! would beside the second bank of an STM32G474.
+//! The flash is simulated by the host as well. Its operations are exchanged at once, with interrupts off, since both
+//! kinds of message share the line; the duration of the hardware is waited for afterwards while other tasks run, as
+//! with the second bank of an STM32G474.
 
 use core::cell::RefCell;
 use core::ops::Range;
@@ -41,16 +41,16 @@ type Transactions = Vec<([u8; 3], [u8; 3]), CHANNELS>;
 
 static TRANSACTIONS: Mutex<RefCell<Transactions>> = Mutex::new(RefCell::new(Vec::new()));
 
-/// Frames that a CAN controller's queues hold.
+/// Length of a CAN controller's queues.
 const CAN_QUEUE: usize = 16;
 static TX_QUEUE: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
 static RX_QUEUE: Mutex<RefCell<Deque<CanFrame, CAN_QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
 
-/// The CAN controller, whose bus the host emulates.
+/// CAN controller on a bus that the host simulates.
 pub struct EmulatedCan(());
 
 impl EmulatedCan {
-    /// The controller.
+    /// CAN controller with empty queues.
     #[must_use]
     pub const fn new() -> Self {
         Self(())
@@ -75,7 +75,7 @@ impl CanPort for EmulatedCan {
     }
 }
 
-/// The line to the host.
+/// Line to the host.
 pub struct HostLine {
     from_host: File,
     to_host: File,
@@ -85,23 +85,23 @@ impl HostLine {
     /// Opens the line; the host opens its ends in the same order.
     ///
     /// # Errors
-    /// When there is no such file: nobody is there.
+    /// The files do not exist: no host is present.
     pub fn open() -> io::Result<Self> {
         Ok(Self { from_host: File::open(REQUESTS)?, to_host: File::create(RESPONSES)? })
     }
 
-    /// The next message from the host, which is at most [`MAX_LEN`] bytes and comes in one piece.
+    /// Next message from the host: at most [`MAX_LEN`] bytes, in one piece.
     fn receive<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<&'a [u8]> {
         let length = self.from_host.read(buffer).ok().filter(|&length| length > 0)?;
         buffer.get(..length)
     }
 
-    /// The message with which the host begins.
+    /// First message of the host.
     pub fn begin<'a>(&mut self, buffer: &'a mut [u8; MAX_LEN]) -> Option<EmulationStart<'a>> {
         unpack(self.receive(buffer)?).map(|(begin, _)| begin)
     }
 
-    /// Hands the line over to the timer and the flash, which share it.
+    /// Shares the line between timer and flash.
     pub fn share(self) {
         critical_section::with(|cs| *LINE.borrow_ref_mut(cs) = Some(self));
     }
@@ -109,8 +109,8 @@ impl HostLine {
 
 static LINE: Mutex<RefCell<Option<HostLine>>> = Mutex::new(RefCell::new(None));
 
-/// One message out, one in. Interrupts are off meanwhile, and time stands still in the host's turn; packing and unpacking, which
-/// take time, are left out of that.
+/// Sends a message and receives its answer. Interrupts are off meanwhile, and time stands still while the host works;
+/// encoding and decoding, which take time, are excluded.
 fn ask<T: serde::de::DeserializeOwned>(said: &FirmwareMessage) -> Option<T> {
     let (mut out, mut back) = ([0; MAX_LEN], [0; MAX_LEN]);
     let bytes = pack(said, &mut out)?;
@@ -123,7 +123,7 @@ fn ask<T: serde::de::DeserializeOwned>(said: &FirmwareMessage) -> Option<T> {
     unpack(back.get(..length)?).map(|(answer, _)| answer)
 }
 
-/// The flash, whose cells are the host's; reads are from a copy in RAM, at once, as from flash that lies in memory.
+/// Flash whose cells belong to the host; reads come from a copy in RAM, without delay, like memory-mapped flash.
 pub struct EmulatedFlash {
     writing: fn() -> Option<RecordKind>,
     copy: &'static mut [u8; FLASH_LEN],
@@ -131,7 +131,7 @@ pub struct EmulatedFlash {
 
 static COPY: ConstStaticCell<[u8; FLASH_LEN]> = ConstStaticCell::new([0; FLASH_LEN]);
 
-/// The host has refused.
+/// Error: the host's flash failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
 pub struct EmulatedFlashError;
 
@@ -141,13 +141,13 @@ impl NorFlashError for EmulatedFlashError {
     }
 }
 
-/// Time that an STM32G474 takes for a word and for a page, as its data sheet says.
+/// Duration of programming a word and of erasing a page, from the data sheet of the STM32G474.
 const WORD_TIME: Duration = Duration::from_micros(85);
 const PAGE_TIME: Duration = Duration::from_millis(22);
 
 impl EmulatedFlash {
-    /// The flash, once, when the line is shared; `writing` says which record is being written, for the host to aim its power
-    /// cuts at.
+    /// Flash over the shared line, once; `writing` returns the kind of the record that is being written, as a target
+    /// for the host's power failures.
     #[must_use]
     pub fn new(writing: fn() -> Option<RecordKind>) -> Option<Self> {
         let mut flash = Self { writing, copy: COPY.try_take()? };
@@ -155,7 +155,7 @@ impl EmulatedFlash {
         Some(flash)
     }
 
-    /// Copies what the host's cells hold.
+    /// Copies the content of the host's cells.
     fn look(&mut self, range: Range<usize>) -> Option<()> {
         let offsets = range.clone().step_by(FLASH_CHUNK);
         for (offset, chunk) in offsets.zip(self.copy.get_mut(range)?.chunks_mut(FLASH_CHUNK)) {
@@ -219,7 +219,7 @@ impl NorFlash for EmulatedFlash {
     }
 }
 
-/// The key that the host gave.
+/// Key supplied by the host.
 pub struct HostKey(pub Option<[u8; 32]>);
 
 impl KeySource for HostKey {
@@ -228,7 +228,7 @@ impl KeySource for HostKey {
     }
 }
 
-/// The stamping timer, and with it the exchange.
+/// Stamping timer; its read performs the exchange with the host.
 pub struct EmulatedTimer<F> {
     tick: u32,
     asks: Vec<[u8; 3], CHANNELS>,
@@ -236,7 +236,7 @@ pub struct EmulatedTimer<F> {
 }
 
 impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
-    /// A timer that asks the converter for `asks` each time, and lets `tell` fill in what else the host is told.
+    /// Timer that requests the conversions `asks` each time, and lets `tell` add the outputs to the report.
     pub fn new(asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
         Self { tick: 0, asks, tell }
     }
@@ -258,7 +258,7 @@ impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
             let mut sent = TX_QUEUE.borrow_ref_mut(cs);
             while let Some(frame) = sent.pop_front() {
                 if let Err(frame) = message.can.push(frame) {
-                    // There is room again: it was taken from there.
+                    // There is room: it was just removed.
                     sent.push_front(frame).ok();
                     break;
                 }
@@ -281,7 +281,7 @@ impl<F: FnMut(&mut TickReport)> EdgeTimer for EmulatedTimer<F> {
             transactions.extend(self.asks.iter().copied().zip(answer.spi.iter().copied()));
             let mut come = RX_QUEUE.borrow_ref_mut(cs);
             for frame in answer.can {
-                // A full queue loses the newest, as a CAN controller's does.
+                // A full queue loses the newest frame, like a CAN controller's.
                 come.push_back(frame).ok();
             }
         });
@@ -294,11 +294,11 @@ impl<F: FnMut(&mut TickReport)> EdgeTimer for EmulatedTimer<F> {
     }
 }
 
-/// The converter's bus and chip select.
+/// SPI bus and chip select of the converter.
 pub struct EmulatedSpi(());
 
 impl EmulatedSpi {
-    /// The bus.
+    /// SPI bus.
     #[must_use]
     pub const fn new() -> Self {
         Self(())
@@ -328,13 +328,13 @@ impl SpiDevice for EmulatedSpi {
     }
 }
 
-/// A watchdog that ends the emulation when it is given up, and counts how often it was fed.
+/// Watchdog that counts how often it was fed, and ends the emulation when a task is overdue.
 pub struct EmulatedWatchdog {
     fed: &'static core::sync::atomic::AtomicU32,
 }
 
 impl EmulatedWatchdog {
-    /// Counts in `fed`.
+    /// Watchdog that counts in `fed`.
     #[must_use]
     pub const fn new(fed: &'static core::sync::atomic::AtomicU32) -> Self {
         Self { fed }

@@ -1,4 +1,4 @@
-//! Interrupts in use, by the numbers of Arm's application note AN386.
+//! Numbers of the interrupts in use, from Arm's application note AN386.
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
@@ -12,13 +12,13 @@ pub enum Interrupt {
     Timer0 = 8,
     /// CMSDK timer 1.
     Timer1 = 9,
-    /// Of no peripheral in use: the executor of the highest priority.
+    /// Unused peripheral: executor of the highest priority.
     Highest = 20,
-    /// Of no peripheral in use: the executor of high priority.
+    /// Unused peripheral: executor of high priority.
     High = 21,
-    /// Of no peripheral in use: the executor of low priority.
+    /// Unused peripheral: executor of low priority.
     Low = 22,
-    /// Of no peripheral in use: the executor of the lowest priority.
+    /// Unused peripheral: executor of the lowest priority.
     Lowest = 23,
 }
 
@@ -30,7 +30,7 @@ unsafe impl InterruptNumber for Interrupt {
     }
 }
 
-/// Lets an interrupt through.
+/// Enables an interrupt.
 pub(crate) fn unmask(interrupt: Interrupt) {
     #[allow(unsafe_code, reason = "unmasking an interrupt can break a critical section based on masking")]
     // SAFETY: critical sections on this board disable interrupts altogether and mask none.

@@ -1,4 +1,4 @@
-//! The leakage estimator's firmware for QEMU's mps2-an386: wraps the application's tasks and starts them.
+//! PIL firmware for QEMU's mps2-an386: the server's tasks in one executor.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -18,12 +18,12 @@ type Mutex = ThreadModeRawMutex;
 
 static CHANNELS: ServerChannels<Mutex> = ServerChannels::new();
 
-/// Bytes of one read from the line; a pipe hands over at most this much at once.
+/// Bytes per read from the line; a pipe delivers at most this much at once.
 const CHUNK_LEN: usize = 4096;
-/// Bytes of one read from the UART, which brings them singly.
+/// Bytes per read from the UART, which delivers them singly.
 const UART_CHUNK_LEN: usize = 64;
 const HEARTBEAT: Duration = Duration::from_millis(100);
-/// Time after which the firmware ends when it has nobody to talk to.
+/// Time after which the firmware ends without a host.
 const ALONE: Duration = Duration::from_secs(1);
 
 #[embassy_executor::task]
@@ -58,7 +58,7 @@ async fn heartbeat() {
     run_heartbeat(&CHANNELS, HEARTBEAT).await
 }
 
-/// What the end of the link means in an emulator: the end of the firmware.
+/// Exits with the code of the link's end.
 fn end(reason: LinkEnd) -> ! {
     let exit = match reason {
         LinkEnd::Shutdown => Exit::Shutdown,
@@ -69,7 +69,7 @@ fn end(reason: LinkEnd) -> ! {
     exit.now()
 }
 
-/// Whether the command line asks for the link to be on UART 0 instead of files.
+/// Whether the command line selects UART 0 instead of files.
 fn wants_uart() -> bool {
     env::args::<128>().is_ok_and(|arguments| (&arguments).into_iter().flatten().any(|word| word == "uart"))
 }

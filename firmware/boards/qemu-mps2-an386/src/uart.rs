@@ -1,8 +1,8 @@
-//! The link's line over UART 0, as on a board that has no debugger to lend it files.
+//! Line of the PIL link over UART 0, as on a board without semihosting.
 //!
-//! Received bytes go by interrupt into a pipe from which `link in` reads. While the pipe is full the interrupt is off and
-//! the byte stays in the UART: QEMU then holds the sender back, real hardware would lose bytes and the frame's CRC would
-//! tell. Sending is polled, giving way to the other tasks between two looks.
+//! An interrupt moves received bytes into a pipe, from which the task `link in` reads. While the pipe is full the
+//! interrupt is disabled and the byte remains in the UART: QEMU then blocks the sender; real hardware would lose
+//! bytes, which the frame's CRC detects. Sending is polled, yielding to the other tasks in between.
 
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -33,10 +33,10 @@ const DIVIDER: u32 = 16;
 
 static RECEIVED_BYTES: Pipe<CriticalSectionRawMutex, 1024> = Pipe::new();
 
-/// Receiving half.
+/// Receiving half of the UART.
 pub struct UartReceiver(());
 
-/// Sending half.
+/// Sending half of the UART.
 pub struct UartSender(());
 
 /// Starts the UART.
@@ -74,7 +74,7 @@ impl Read for UartReceiver {
         let received = RECEIVED_BYTES.read(buffer).await;
         if read(UART0 + CTRL) & RECEIVE_INTERRUPT == 0 {
             write(UART0 + CTRL, ENABLE | RECEIVE_INTERRUPT);
-            // A byte that came meanwhile has had its interrupt already.
+            // A byte that arrived meanwhile has had its interrupt already.
             critical_section::with(|_| on_receive());
         }
         Ok(received)

@@ -1,4 +1,4 @@
-//! Frames and messages: good ones come through, bad ones are named, and nothing at all makes the receiver panic.
+//! Frames and messages: valid ones are decoded, invalid ones are named, and no input makes the decoder panic.
 
 use std::format;
 use std::vec;
@@ -26,7 +26,7 @@ fn sample(random: &mut Random) -> Sample {
     sample
 }
 
-/// SplitMix64: the same cases in every run.
+/// SplitMix64 generator: the same cases in every run.
 struct Random(u64);
 
 impl Random {
@@ -43,12 +43,12 @@ impl Random {
     }
 }
 
-/// What a stretch of bytes between two zeros is, worked out with other people's COBS.
+/// Expected result of a stretch of bytes between two zeros, by the `cobs` crate.
 fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
     let body = match ::cobs::decode_vec(stretch) {
         Ok(body) if body.len() > capacity => return Err(FrameError::TooLong),
         Ok(body) => body,
-        // Cut: as many bytes came as it has, completed, without what completes it.
+        // Truncated: as many bytes as it has, completed, without what completes it.
         Err(_) => {
             let completed = |missing| ::cobs::decode_vec(&[stretch, &vec![1; missing]].concat()).ok();
             let received = || (1..255).find_map(|missing| Some(completed(missing)?.len() - missing)).unwrap();
@@ -71,7 +71,7 @@ fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
 }
 
 #[test]
-fn the_examples_of_the_documentation_hold() {
+fn examples_of_the_documentation_hold() {
     assert_eq!(request_frame(&Request::Hello), [0x01, 0x05, 0x8D, 0xEF, 0x02, 0xD2, 0x00]);
 
     let now = Micros(1_000_000);
@@ -94,14 +94,14 @@ fn the_examples_of_the_documentation_hold() {
 }
 
 #[test]
-fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_referee_does() {
+fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_oracle() {
     let mut random = Random(1);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     let record = [0x5A; 500];
     let mut judged: u32 = 0;
     let mut by_error = [0_u32; 7];
     while judged < 1_000_000 {
-        // One to three pieces run together where their closing zeros are cut off.
+        // One to three pieces run together where their delimiters are cut off.
         let mut stretch = Vec::new();
         for _ in 0..=random.below(3) / 2 {
             let mut bytes = match random.below(12) {
@@ -113,7 +113,7 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
                 2 if random.below(50) == 0 => request_frame(&Request::LoadCalibration(&record)),
                 3..=6 => request_frame(&Request::Sample(sample(&mut random))),
                 7 => request_frame(&Request::Status),
-                // A message that is none, in a good frame.
+                // An invalid message in a valid frame.
                 _ => {
                     let len = random.below(4) + 1;
                     let payload: Vec<u8> = (0..len).map(|_| random.below(8) as u8).collect();
@@ -151,7 +151,7 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
 }
 
 #[test]
-fn every_good_frame_behind_garbage_is_understood() {
+fn every_valid_frame_behind_garbage_is_decoded() {
     let mut random = Random(2);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     for _ in 0..20_000 {
@@ -168,13 +168,13 @@ fn every_good_frame_behind_garbage_is_understood() {
         }
         let payload = decoder.push(*last).unwrap().unwrap();
         let Request::Sample(received) = decode_request(payload).unwrap() else { panic!("not a sample") };
-        // Compared as text: readings may be NaN, which equals nothing.
+        // Compared as text: readings may be NaN, which is unequal to itself.
         assert_eq!(format!("{received:?}"), format!("{sample:?}"));
     }
 }
 
 #[test]
-fn counts_of_messages_are_those_of_the_enums() {
+fn message_counts_match_the_enums() {
     let tag = |frame: &[u8]| {
         let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
         frame
@@ -190,7 +190,7 @@ fn counts_of_messages_are_those_of_the_enums() {
 }
 
 #[test]
-fn the_largest_messages_fit_their_frames() {
+fn largest_messages_fit_their_frames() {
     let record = [0xA5; kou_estimator::calibration::record::MAX_LEN];
     assert!(request_frame(&Request::LoadCalibration(&record)).len() <= MAX_FRAME);
     let mut out = [0; MAX_RESPONSE_FRAME];
@@ -223,7 +223,7 @@ fn the_largest_messages_fit_their_frames() {
 }
 
 #[test]
-fn a_message_with_bytes_behind_it_is_refused() {
+fn message_with_trailing_bytes_is_rejected() {
     assert_eq!(decode_request(&[0]), Ok(Request::Hello));
     assert_eq!(decode_request(&[0, 0]), Err(FrameError::Payload));
     assert_eq!(decode_request(&[]), Err(FrameError::Payload));

@@ -1,12 +1,12 @@
-//! Counters that any task may raise and any may read.
+//! Event counters, written by one task each and readable by all.
 //!
-//! Each counter has one task that raises it, so plain loads and stores suffice: no lock, and no count can be lost.
+//! A single writer per counter makes plain loads and stores sufficient: no lock, and no lost count.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use crate::link::{FrameError, LinkCounts};
 
-/// A count that stays at its maximum instead of wrapping.
+/// Saturating counter.
 #[derive(Debug)]
 pub struct Counter(AtomicU32);
 
@@ -15,19 +15,19 @@ impl Counter {
         Self(AtomicU32::new(0))
     }
 
-    /// Raises the count by one. Call it from one task only.
+    /// Increments the counter. To be called from one task only.
     pub fn increment(&self) {
         self.0.store(self.get().saturating_add(1), Ordering::Relaxed);
     }
 
-    /// The count.
+    /// Present count.
     #[must_use]
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// All counters; [`LinkCounts`] says what each of them counts.
+/// Event counters; [`LinkCounts`] describes each of them.
 #[derive(Debug)]
 #[allow(missing_docs, reason = "the fields are those of `LinkCounts`, described there")]
 pub struct Counters {
@@ -48,7 +48,7 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Every count at zero.
+    /// All counters zero.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -69,7 +69,7 @@ impl Counters {
         }
     }
 
-    /// The counter of frames refused for this reason.
+    /// Counter of frames rejected for this reason.
     #[must_use]
     pub const fn of_error(&self, error: FrameError) -> &Counter {
         match error {
@@ -82,7 +82,7 @@ impl Counters {
         }
     }
 
-    /// All counts as they stand now.
+    /// Present counts.
     #[must_use]
     pub fn read(&self) -> LinkCounts {
         LinkCounts {

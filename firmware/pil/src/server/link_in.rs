@@ -1,7 +1,7 @@
-//! Task `link in`: bytes from the line into commands.
+//! Task `link in`: decodes received bytes into commands.
 //!
-//! Calibrations are decoded and checked here, so that a wrong one never reaches the estimate task. Whatever is no
-//! request becomes a complaint, which is answered in its turn like everything else.
+//! Calibrations are decoded and checked here, so that an invalid one never reaches the estimate task. A rejected
+//! frame becomes a command as well, and is answered in order.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Read;
@@ -15,7 +15,7 @@ use crate::log::log;
 
 /// Reads requests until the line ends. `chunk` is the buffer of one read.
 pub async fn run_link_in<M: RawMutex>(
-    bus: &ServerChannels<M>,
+    channels: &ServerChannels<M>,
     line: &mut impl Read,
     chunk: &mut [u8],
 ) -> LinkEnd {
@@ -28,26 +28,26 @@ pub async fn run_link_in<M: RawMutex>(
         };
         for &byte in chunk.iter().take(received) {
             if let Some(frame) = decoder.push(byte) {
-                let command = command(bus, frame.and_then(decode_request)).await;
-                bus.in_flight.begin();
-                bus.commands.send(command).await;
+                let command = command(channels, frame.and_then(decode_request)).await;
+                channels.in_flight.begin();
+                channels.commands.send(command).await;
             }
         }
     }
 }
 
-/// Turns a request, or what was none, into a command.
+/// Command of a request or of a rejected frame.
 async fn command<M: RawMutex>(
-    bus: &ServerChannels<M>,
+    channels: &ServerChannels<M>,
     request: Result<Request<'_>, FrameError>,
 ) -> ServerCommand {
     let request = match request {
         Ok(request) => {
-            bus.counters.frames_ok.increment();
+            channels.counters.frames_ok.increment();
             request
         }
         Err(error) => {
-            bus.counters.of_error(error).increment();
+            channels.counters.of_error(error).increment();
             return ServerCommand::ReportError(ErrorKind::Frame(error));
         }
     };
@@ -55,18 +55,18 @@ async fn command<M: RawMutex>(
         Request::Hello => ServerCommand::Hello,
         Request::LoadCalibration(bytes) => match read_calibration(bytes) {
             Ok((params, crc)) => {
-                bus.counters.calibrations_accepted.increment();
-                bus.candidate.send(params).await;
+                channels.counters.calibrations_accepted.increment();
+                channels.candidate.send(params).await;
                 ServerCommand::Adopt { crc }
             }
             Err(rejection) => {
-                bus.counters.calibrations_rejected.increment();
-                log!(warn, "calibration refused");
+                channels.counters.calibrations_rejected.increment();
+                log!(warn, "calibration rejected");
                 ServerCommand::Reject(rejection)
             }
         },
         Request::Sample(sample) => {
-            bus.counters.samples.increment();
+            channels.counters.samples.increment();
             ServerCommand::Sample(sample)
         }
         Request::Status => ServerCommand::Status,
@@ -74,8 +74,8 @@ async fn command<M: RawMutex>(
     }
 }
 
-/// Parameters of a record that is whole and whose every field passes its check, with the record's CRC-32.
-// Not inlined: its temporaries are large, and inlined they would live in the task for good.
+/// Parameters and CRC-32 of an intact record whose every field passes its check.
+// Not inlined: its large temporaries would otherwise occupy the task's memory permanently.
 #[inline(never)]
 fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), CalibrationRejection<&'static str>> {
     let calibration = record::decode(bytes)?;

@@ -1,4 +1,4 @@
-//! The MCP3208's driver on a mocked SPI bus.
+//! Driver of the MCP3208 on a mocked SPI bus.
 
 use embassy_futures::block_on;
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
@@ -23,7 +23,7 @@ fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<AdcCounts, Conversi
 }
 
 #[test]
-fn each_input_is_asked_for_as_the_data_sheet_says() {
+fn each_input_is_requested_as_in_the_data_sheet() {
     // Start bit, SGL/DIFF high, D2 D1 D0: figure 6-1 of the data sheet, written out.
     let asked = [
         [0x06, 0x00, 0x00],
@@ -42,7 +42,7 @@ fn each_input_is_asked_for_as_the_data_sheet_says() {
 }
 
 #[test]
-fn every_count_is_read_whatever_stands_before_the_null_bit() {
+fn every_count_is_read_whatever_precedes_the_null_bit() {
     for counts in 0..4096_u16 {
         let [high, low] = counts.to_be_bytes();
         for noise in [0x00, 0xE0] {
@@ -54,12 +54,12 @@ fn every_count_is_read_whatever_stands_before_the_null_bit() {
 }
 
 #[test]
-fn a_chip_that_does_not_drive_the_line_is_no_value() {
+fn chip_that_does_not_drive_the_line_is_an_error() {
     assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(ConversionError::NoAnswer));
 }
 
 #[test]
-fn a_bus_that_fails_is_no_value() {
+fn bus_failure_is_an_error() {
     #[derive(Debug)]
     struct Broken;
     impl embedded_hal_async::spi::Error for Broken {

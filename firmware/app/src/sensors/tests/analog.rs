@@ -1,4 +1,4 @@
-//! One analogue channel: each failure named in time, each healed, nothing invented.
+//! One analogue channel: each failure detected within its time, each healed, no value invented.
 
 use std::vec::Vec;
 
@@ -11,7 +11,7 @@ use crate::sensors::analog::{AnalogConfig, AnalogParams, AnalogState};
 use crate::sensors::debounce::DebounceConfig;
 use crate::sensors::scale::{LinearConfig, Scale};
 
-/// 100 counts per MPa and more than 1000 counts of live zero: convenient to reckon with.
+/// 100 counts per MPa and more than 1000 counts of live zero, for round numbers.
 const SCALE: LinearConfig<Megapascal> = LinearConfig::Ratiometric {
     supply_over_reference: 1.0,
     at_zero: Megapascal(0.0),
@@ -56,7 +56,7 @@ impl Bench {
         self.state.reading::<Megapascal>().value.map(Megapascal::get)
     }
 
-    /// A live signal: noise of a few counts.
+    /// Live signal: noise of a few counts.
     fn run(&mut self, ms: u64, mpa: f64) {
         for _ in 0..ms {
             let noise = 0.01 * ((self.ms % 5) as f64 - 2.0);
@@ -64,7 +64,7 @@ impl Bench {
         }
     }
 
-    /// Milliseconds until the reading first satisfies `until`, while `conversion` is fed.
+    /// Milliseconds until the reading first satisfies `until`, with a constant supply of `conversion`.
     fn time_to(
         &mut self,
         mut conversion: impl FnMut(u64) -> Result<AdcCounts, ConversionError>,
@@ -81,10 +81,10 @@ impl Bench {
 }
 
 #[test]
-fn a_live_signal_is_read_and_filtered() {
+fn live_signal_is_read_and_filtered() {
     let mut bench = Bench::new();
     bench.run(500, 20.0);
-    // Mean of the five noise values is zero; the filter leaves a fifth of a count of them.
+    // The five noise values have zero mean; the filter leaves a fifth of a count.
     assert!((bench.reading().unwrap() - 20.0).abs() < 0.01, "{:?}", bench.reading());
     // A step within the permitted rate: 63 % after a time constant of 20 ms.
     let at = |bench: &mut Bench, ms| {
@@ -96,7 +96,7 @@ fn a_live_signal_is_read_and_filtered() {
 }
 
 #[test]
-fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
+fn every_failure_is_reported_and_healed_within_the_specified_time() {
     let just = |count: u16| move |_: u64| Ok(AdcCounts::new(count).unwrap());
     type Feed = std::boxed::Box<dyn FnMut(u64) -> Result<AdcCounts, ConversionError>>;
     let failures: [(Fault, u64, Feed); 6] = [
@@ -122,14 +122,14 @@ fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
         }
         let live = |ms: u64| Ok(counts(15.0 + 0.01 * (ms % 5) as f64));
         let ms = bench.time_to(live, |reading| reading.is_ok());
-        // 200 good ones, and one or two before them that are still measured by the last wild one.
+        // 200 good ones, preceded by one or two that are still compared with the last outlier.
         assert!(ms <= 202, "{fault:?} healed after {ms} ms");
         assert!((bench.reading().unwrap() - 15.02).abs() < 0.05, "{fault:?}: {:?}", bench.reading());
     }
 }
 
 #[test]
-fn a_jump_that_the_machine_cannot_make_is_refused_and_then_believed() {
+fn jump_beyond_the_machines_rate_is_rejected_and_then_accepted() {
     let mut bench = Bench::new();
     bench.run(500, 10.0);
     // 15 MPa further: 28 ms at 500 MPa/s and 1 MPa of band, which is shorter than the debounce.
@@ -155,7 +155,7 @@ fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_goo
 }
 
 #[test]
-fn a_signal_at_rest_is_not_stuck() {
+fn constant_signal_at_rest_is_not_stuck() {
     let mut bench = Bench::new();
     for ms in 1..5000 {
         bench.state.observe(&bench.params, Micros(ms * 1000), Ok(counts(0.0)), false);
@@ -169,7 +169,7 @@ fn before_the_first_conversion_the_reading_is_missing() {
 }
 
 #[test]
-fn a_configuration_out_of_range_is_refused_by_name() {
+fn configuration_out_of_range_is_rejected_by_name() {
     let refuse = |change: fn(&mut AnalogConfig<Megapascal>)| {
         let mut config = CONFIG;
         change(&mut config);
@@ -194,7 +194,7 @@ proptest! {
         let mut now = 1_000_000_u64;
         let feed: Vec<_> = feed;
         for (raw, step, live) in feed {
-            // Now and then the clock stands or goes back.
+            // Occasionally the clock stops or goes back.
             now = if step == 0 { now.saturating_sub(500) } else { now + step };
             let conversion = raw.and_then(|raw| AdcCounts::new(raw % 5000)).ok_or(ConversionError::Bus);
             bench.state.observe(&bench.params, Micros(now), conversion, live);
@@ -208,19 +208,19 @@ proptest! {
 }
 
 #[test]
-fn a_leap_that_stays_is_a_fault_until_the_quantity_could_have_moved_there() {
+fn persistent_jump_is_a_fault_until_the_quantity_could_have_moved_there() {
     let config = AnalogConfig { max_rate_per_s: 20.0, return_rate_per_s: Some(2.0), ..CONFIG };
     let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap();
     let mut bench = Bench { params, ..Bench::new() };
     bench.run(500, 5.0);
-    // 9 MPa at 2 MPa/s, less a noise band of 1 MPa, take 4 s; then half that to heal, as ever.
+    // 9 MPa at 2 MPa/s minus a noise band of 1 MPa takes 4 s; then half of that to heal, as always.
     bench.run(100, 14.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(3800, 14.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(400, 14.0);
     assert!(bench.reading().is_ok());
-    // Back where it was is no leap to be waited for, after whatever else was wrong.
+    // A return to the previous value is no jump, whatever other fault there was.
     bench.run(100, 30.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(250, 14.0);

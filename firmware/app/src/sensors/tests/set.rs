@@ -1,4 +1,4 @@
-//! All sensors together: what they say of each other, and what becomes of a sample.
+//! The sensor set: plausibility between sensors, and the resulting sample.
 
 use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Fault, Reading, Sample};
@@ -8,7 +8,7 @@ use crate::sensors::adc::AdcCounts;
 use crate::sensors::set::{SensorInputs, SensorsParams, SensorsState};
 use crate::sensors::wiring;
 
-/// A drive as its sensors should see it.
+/// Simulated drive as its sensors should measure it.
 #[derive(Debug, Clone, Copy)]
 struct Drive {
     n_p: f64,
@@ -44,7 +44,7 @@ impl Bench {
         }
     }
 
-    /// Runs for a time and returns the last sample; every tenth millisecond takes one, as the tasks do.
+    /// Runs for a time and returns the last sample; one sample every ten milliseconds, like the tasks.
     fn run(&mut self, ms: u64, drive: Drive) -> Sample {
         let mut sample = Sample::empty(Micros(0));
         for _ in 0..ms {
@@ -76,11 +76,11 @@ impl Bench {
 }
 
 #[test]
-fn a_healthy_drive_gives_a_whole_sample() {
+fn healthy_drive_gives_a_complete_sample() {
     let sample = Bench::new().run(2000, CRUISE);
     assert!((sample.pump_speed.value.unwrap().get() - 1500.0).abs() < 0.02);
     assert!((sample.motor_speed.value.unwrap().get() - 1400.0).abs() < 0.02);
-    // One count is 0.02 MPa, 0.3 K and 0.0007; the noise that is put in averages out.
+    // One count is 0.02 MPa, 0.3 K and 0.0007; the injected noise averages out.
     assert!((sample.high_pressure.value.unwrap().get() - 25.0).abs() < 0.03);
     assert!((sample.low_pressure.value.unwrap().get() - 1.5).abs() < 0.03);
     assert!((sample.oil_temperature.value.unwrap().get() - 60.0).abs() < 0.4);
@@ -90,7 +90,7 @@ fn a_healthy_drive_gives_a_whole_sample() {
 }
 
 #[test]
-fn reversed_the_lines_swap_and_the_motor_has_the_sign_of_the_displacement() {
+fn reversed_lines_swap_and_the_motor_has_the_sign_of_the_displacement() {
     let reversed = Drive { p_a: 1.5, p_b: 20.0, alpha: -0.6, n_m: 850.0, ..CRUISE };
     let mut bench = Bench::new();
     bench.run(1000, CRUISE);
@@ -101,17 +101,17 @@ fn reversed_the_lines_swap_and_the_motor_has_the_sign_of_the_displacement() {
 }
 
 #[test]
-fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
+fn implausible_sensors_are_found_within_a_second_and_heal() {
     type Blame = fn(&Sample) -> Option<Fault>;
     const NEUTRAL: Drive = Drive { alpha: 0.0, n_m: 0.0, p_a: 2.4, p_b: 2.4, ..CRUISE };
     let cases: [(&str, Drive, Blame); 10] = [
-        // The low line's sensor is 5 MPa too high.
+        // Sensor of the low line 5 MPa too high.
         ("low line", Drive { p_b: 6.5, ..CRUISE }, |s| s.low_pressure.value.err()),
-        // Idle, and line A says 10 MPa.
+        // Idle, with line A reading 10 MPa.
         ("idle", Drive { alpha: 0.0, p_a: 10.0, n_m: 0.0, ..CRUISE }, |s| s.high_pressure.value.err()),
         ("dead motor pickup", Drive { n_m: 0.0, ..CRUISE }, |s| s.motor_speed.value.err()),
         ("dead pump pickup", Drive { n_p: 0.0, ..CRUISE }, |s| s.pump_speed.value.err()),
-        // In neutral half a megapascal more or less than the other line, or a hundredth of displacement, is an offset.
+        // In neutral, half a megapascal from the other line or a hundredth of displacement is an offset.
         ("neutral, A high", Drive { p_a: 2.95, ..NEUTRAL }, |s| s.high_pressure.value.err()),
         ("neutral, A low", Drive { p_a: 1.85, ..NEUTRAL }, |s| s.low_pressure.value.err()),
         ("neutral, B high", Drive { p_b: 2.95, ..NEUTRAL }, |s| s.high_pressure.value.err()),
@@ -125,7 +125,7 @@ fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
         assert_eq!(blame(&sample), None, "{what}: {sample:?}");
         let sample = bench.run(1200, wrong);
         assert_eq!(blame(&sample), Some(Fault::Implausible), "{what}: {sample:?}");
-        // A line's sensor can only prove itself again where its rule applies: idle, and there both lines do.
+        // A line's sensor can only recover where its rule applies: idle, where both lines do.
         bench.run(2000, Drive { alpha: 0.0, p_a: 1.6, n_m: 0.0, ..CRUISE });
         let sample = bench.run(2000, CRUISE);
         assert_eq!(blame(&sample), None, "{what}: {sample:?}");
@@ -133,7 +133,7 @@ fn what_the_sensors_say_of_each_other_is_found_in_a_second_and_heals() {
 }
 
 #[test]
-fn in_neutral_one_line_outside_charge_pressure_is_blamed_alone_and_stays_so_while_driving() {
+fn in_neutral_one_line_outside_charge_pressure_is_implausible_alone_and_stays_so_while_driving() {
     let mut bench = Bench::new();
     let neutral = Drive { alpha: 0.0, n_m: 0.0, p_a: 2.4, p_b: 2.4, ..CRUISE };
     bench.run(2000, Drive { p_a: 4.4, ..neutral });
@@ -146,7 +146,7 @@ fn in_neutral_one_line_outside_charge_pressure_is_blamed_alone_and_stays_so_whil
 }
 
 #[test]
-fn a_thermometer_that_another_one_contradicts_is_implausible_until_both_agree() {
+fn thermometer_that_another_one_contradicts_is_implausible_until_both_agree() {
     let mut bench = Bench::new();
     for (other, ms, fault) in [(51.0, 2000, None), (49.0, 700, Some(Fault::Implausible)), (55.0, 1500, None)]
     {
@@ -159,7 +159,7 @@ fn a_thermometer_that_another_one_contradicts_is_implausible_until_both_agree() 
 }
 
 #[test]
-fn what_a_drive_may_rightly_do_is_plausible() {
+fn permitted_behaviour_of_a_drive_is_plausible() {
     let cases = [
         ("at rest", Drive { n_p: 0.0, n_m: 0.0, p_a: 0.0, p_b: 0.0, alpha: 0.0, ..CRUISE }),
         ("idle", Drive { n_m: 0.0, p_a: 1.6, p_b: 1.5, alpha: 0.0, ..CRUISE }),
@@ -186,7 +186,7 @@ fn what_a_drive_may_rightly_do_is_plausible() {
 }
 
 #[test]
-fn a_broken_line_sensor_is_blamed_on_the_line_that_it_is_on() {
+fn broken_line_sensor_is_attributed_to_its_own_line() {
     let mut bench = Bench::new();
     bench.run(1000, CRUISE);
     // -10 MPa are 1.3 mA: a broken loop.
@@ -203,7 +203,7 @@ fn a_broken_line_sensor_is_blamed_on_the_line_that_it_is_on() {
 }
 
 #[test]
-fn without_the_optional_sensors_their_readings_are_not_fitted() {
+fn optional_sensors_that_are_absent_are_not_fitted() {
     let mut config = wiring::REFERENCE;
     config.line_b = None;
     config.displacement = None;

@@ -1,6 +1,6 @@
-//! The vehicle's controller in QEMU: the tasks that a board on a vehicle runs, with hardware that the host emulates.
+//! Vehicle controller in QEMU: the tasks of a vehicle's board, with hardware that the host emulates.
 //!
-//! `host-sim pil --plant` starts it and drives it through a scenario.
+//! `host-sim pil --plant` starts it and runs a scenario.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -38,7 +38,7 @@ static FED: AtomicU32 = AtomicU32::new(0);
 const SERIAL: u32 = 1;
 const ADDRESS: u8 = 0x8C;
 
-/// Turns of the sampling task between two outputs, and between two looks at the tasks.
+/// Cycles of the sampling task between two outputs, and between two reports of timing statistics.
 const OUTPUT_TURNS: u32 = 10;
 const VITALS_TURNS: u32 = 1000;
 
@@ -52,7 +52,7 @@ static RECORDS: StaticCell<ControllerStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
 static SENSORS_MEMORY: ConstStaticCell<SensorsMemory> = ConstStaticCell::new(SensorsMemory::new());
 static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::new());
-/// The first message, whose calibration stays there.
+/// First message of the host; holds the default calibration.
 static FIRST: ConstStaticCell<[u8; MAX_LEN]> = ConstStaticCell::new([0; MAX_LEN]);
 
 #[embassy_executor::task]
@@ -91,7 +91,7 @@ async fn supervise(start: Instant) {
     run_supervise(&CONTROLLER, start, &mut EmulatedWatchdog::new(&FED)).await
 }
 
-/// What the host is told beside what the hardware needs.
+/// Fills in the outputs of a report to the host.
 fn tell(message: &mut TickReport) {
     message.writing = CONTROLLER.writing().map(|kind| kind as u8);
     message.fed = FED.load(Ordering::Relaxed);
@@ -105,13 +105,13 @@ fn tell(message: &mut TickReport) {
     }
 }
 
-/// Deepest stack, as last looked at: looking takes milliseconds, so the thread does it, below all tasks.
+/// Deepest stack as last measured: the measurement takes milliseconds, so the thread does it, below all tasks.
 static STACK: AtomicU32 = AtomicU32::new(0);
 const STACK_PERIOD: Duration = Duration::from_millis(500);
-/// Turns of the idle loop between two looks at the clock: about a millisecond.
+/// Iterations of the idle loop between two reads of the clock: about a millisecond.
 const IDLE_TURNS: u32 = 8000;
 
-/// Everything that is kept, and why this run begins, from the host's first message.
+/// Storage task with its initial conditions, from the host's first message.
 fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
     let first = line.begin(FIRST.try_take()?)?;
     line.share();
@@ -144,7 +144,7 @@ fn start(line: HostLine) -> Result<(), SpawnError> {
     high.spawn(estimate(start, ESTIMATOR.take())?);
     low.spawn(publish(start)?);
     low.spawn(supervise(start)?);
-    // Last: it begins at once, above this thread, and opens the flash before it gives the processor back.
+    // Last: it starts at once, above this thread, and reads the flash before it yields.
     lowest.spawn(store(start, records)?);
     Ok(())
 }
@@ -164,9 +164,9 @@ fn main() -> ! {
     }
     let mut looked = Instant::now();
     loop {
-        // No sleep: with `-icount`, QEMU's clock overshoots the next alarm by up to a millisecond when its processor wakes.
-        // Nor a look at the clock each time round: QEMU ends a block of translated code at each access to a device, and half
-        // of a run would go into that.
+        // No sleep: with `-icount`, QEMU's clock overshoots the next alarm by up to a millisecond when its processor
+        // wakes. Nor a read of the clock in every iteration: QEMU ends a block of translated code at each device
+        // access, which would take half of a run.
         for _ in 0..IDLE_TURNS {
             cortex_m::asm::nop();
         }

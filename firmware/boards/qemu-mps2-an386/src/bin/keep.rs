@@ -1,6 +1,6 @@
-//! Storage under power cuts, frames and the authentication tag, on the target: what the host's tests do at length, done
-//! again in small by the very code that a controller runs. Prints what it did; a failure is a panic. No part of the
-//! product.
+//! Self-test on the target: storage under power failures, frames and authentication tag, executed by the same code as
+//! on a controller. The host's tests cover the same cases at length. Prints its results; a failure is a panic. Not
+//! part of the product.
 #![no_std]
 #![no_main]
 
@@ -41,7 +41,7 @@ fn faults(at: u32) -> FaultMemory {
     memory
 }
 
-/// Cuts the supply at every byte of a write; the number of cuts.
+/// Interrupts the power at every byte of a write; returns the number of interruptions.
 fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), StoreError>) -> usize {
     let mut whole = store(base.clone());
     let before = whole.flash().worked();
