@@ -50,12 +50,12 @@ fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
 }
 
 /// Front end with fixed inputs; `busy` is the duration of a read.
-struct Bench<'a> {
+struct MockFrontEnd<'a> {
     counts: &'a Cell<Result<AdcCounts, ConversionError>>,
     busy: &'a Cell<Duration>,
 }
 
-impl FrontEnd for Bench<'_> {
+impl FrontEnd for MockFrontEnd<'_> {
     async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         MockDriver::get().advance(self.busy.get());
         assert_eq!(wanted.iter().flatten().count(), CHANNELS);
@@ -65,21 +65,21 @@ impl FrontEnd for Bench<'_> {
 }
 
 #[derive(Default)]
-struct Told(RefCell<Vec<Result<Estimate, NoEstimate>>>);
+struct RecordingPublisher(RefCell<Vec<Result<Estimate, NoEstimate>>>);
 
-impl Publish for &Told {
+impl Publish for &RecordingPublisher {
     async fn publish(&mut self, _: Micros, estimate: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {
         self.0.borrow_mut().push(*estimate);
     }
 }
 
 #[derive(Default)]
-struct Dog {
+struct RecordingWatchdog {
     fed_at_ms: Cell<u64>,
     given_up: RefCell<Vec<Task>>,
 }
 
-impl Watchdog for &Dog {
+impl Watchdog for &RecordingWatchdog {
     fn feed(&mut self) {
         self.fed_at_ms.set(Instant::now().as_millis());
     }
@@ -90,24 +90,24 @@ impl Watchdog for &Dog {
 }
 
 /// State of a run that outlives its tasks.
-struct World {
+struct TaskBench {
     controller: Controller<NoopRawMutex>,
     params: SensorsParams,
     counts: Cell<Result<AdcCounts, ConversionError>>,
     busy: Cell<Duration>,
-    told: Told,
-    dog: Dog,
+    published: RecordingPublisher,
+    watchdog: RecordingWatchdog,
 }
 
-impl World {
+impl TaskBench {
     fn new() -> Self {
         Self {
             controller: Controller::new(),
             params: SensorsParams::new(&wiring::REFERENCE).unwrap(),
             counts: Cell::new(Ok(AdcCounts::new(1500).unwrap())),
             busy: Cell::new(Duration::from_ticks(0)),
-            told: Told::default(),
-            dog: Dog::default(),
+            published: RecordingPublisher::default(),
+            watchdog: RecordingWatchdog::default(),
         }
     }
 
@@ -119,15 +119,15 @@ impl World {
         let with = |task| !without.contains(&task);
         if with(Task::Sample) {
             tasks.push(Box::pin(async move {
-                let mut bench = Bench { counts: &self.counts, busy: &self.busy };
-                run_sample(c, start, &self.params, &mut bench, &mut SensorsMemory::new()).await;
+                let mut front_end = MockFrontEnd { counts: &self.counts, busy: &self.busy };
+                run_sample(c, start, &self.params, &mut front_end, &mut SensorsMemory::new()).await;
             }));
         }
         if with(Task::Estimate) {
             tasks.push(Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }));
         }
         if with(Task::Publish) {
-            tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
+            tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.published).await }));
         }
         if with(Task::Storage) {
             tasks.push(Box::pin(async move {
@@ -136,12 +136,12 @@ impl World {
                 let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap();
                 let mut session = UpdateSession::new();
                 let begin = StartReason { cause: ResetCause::PowerOn, crash_record: None };
-                let mut keeper =
+                let mut storage =
                     StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, None), rates, begin);
-                run_storage(c, start, &mut keeper).await;
+                run_storage(c, start, &mut storage).await;
             }));
         }
-        tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));
+        tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.watchdog).await }));
         settle(&mut tasks);
         tasks
     }
@@ -150,55 +150,55 @@ impl World {
 #[test]
 fn every_task_meets_its_period_and_the_watchdog_is_fed() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    let mut tasks = bench.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 10_000);
-    let [sample, estimate, publish, store, supervise] = world.controller.task_stats.read();
-    let cycles = [sample, estimate, publish, store, supervise].map(|vital| vital.cycles);
+    let [sample, estimate, publish, store, supervise] = bench.controller.task_stats.read();
+    let cycles = [sample, estimate, publish, store, supervise].map(|stats| stats.cycles);
     assert_eq!(cycles, [10_000, 1_000, 1_000, 10, 200]);
-    for vital in world.controller.task_stats.read() {
-        assert_eq!((vital.missed, vital.skipped, vital.max_jitter_us), (0, 0, 0));
+    for stats in bench.controller.task_stats.read() {
+        assert_eq!((stats.missed, stats.skipped, stats.max_jitter_us), (0, 0, 0));
     }
-    assert_eq!(world.told.0.borrow().len(), 1_000);
-    assert_eq!(Instant::now().as_millis() - world.dog.fed_at_ms.get(), 0);
-    assert_eq!(*world.dog.given_up.borrow(), []);
+    assert_eq!(bench.published.0.borrow().len(), 1_000);
+    assert_eq!(Instant::now().as_millis() - bench.watchdog.fed_at_ms.get(), 0);
+    assert_eq!(*bench.watchdog.given_up.borrow(), []);
 }
 
 #[test]
 fn without_a_calibration_the_output_says_so_and_is_never_an_estimate() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    assert_eq!(world.controller.output(Micros(0)), Err(NoEstimate::Starting));
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    assert_eq!(bench.controller.output(Micros(0)), Err(NoEstimate::Starting));
+    let mut tasks = bench.tasks(&[]);
     run(MockDriver::get(), &mut tasks, 1_000);
     // Unknown until the flash has been read.
-    let told = world.told.0.borrow();
-    let starting = told.iter().take_while(|told| **told == Err(NoEstimate::Starting)).count();
+    let published = bench.published.0.borrow();
+    let starting = published.iter().take_while(|published| **published == Err(NoEstimate::Starting)).count();
     assert!(starting <= 2, "{starting}");
-    assert!(told.iter().skip(starting).all(|told| *told == Err(NoEstimate::NoCalibration)));
-    let sample = world.controller.sample().unwrap();
+    assert!(published.iter().skip(starting).all(|published| *published == Err(NoEstimate::NoCalibration)));
+    let sample = bench.controller.sample().unwrap();
     assert!(sample.oil_temperature.value.is_ok(), "{sample:?}");
 }
 
 #[test]
 fn deadlines_missed_by_a_late_task_are_counted_and_its_schedule_does_not_drift() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    let mut tasks = bench.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 100);
     // One read takes 3.5 ms: the cycles due 1, 2 and 3 ms after it are skipped.
-    world.busy.set(Duration::from_micros(3_500));
+    bench.busy.set(Duration::from_micros(3_500));
     run(clock, &mut tasks, 1);
-    world.busy.set(Duration::from_ticks(0));
-    let vital = world.controller.task_stats.sample.read();
-    assert_eq!((vital.cycles, vital.missed, vital.skipped, vital.max_execution_us), (101, 1, 3, 3_500));
+    bench.busy.set(Duration::from_ticks(0));
+    let stats = bench.controller.task_stats.sample.read();
+    assert_eq!((stats.cycles, stats.missed, stats.skipped, stats.max_execution_us), (101, 1, 3, 3_500));
     // The clock is now at half a millisecond; cycles remain on whole ones.
     clock.advance(Duration::from_micros(500));
     settle(&mut tasks);
     run(clock, &mut tasks, 100);
-    let after = world.controller.task_stats.sample.read();
+    let after = bench.controller.task_stats.sample.read();
     assert_eq!((after.cycles, after.missed, after.max_jitter_us), (202, 1, 0));
     // No drift: executed and skipped cycles equal the elapsed milliseconds.
     assert_eq!(u64::from(after.cycles + after.skipped), 100 + 1 + 4 + 100);
@@ -208,20 +208,20 @@ fn deadlines_missed_by_a_late_task_are_counted_and_its_schedule_does_not_drift()
 fn each_stopped_task_starves_the_watchdog_in_time_and_is_named() {
     let _clock = clock_for_one_test();
     for task in Task::ALL {
-        let world = World::new();
-        let mut tasks = world.tasks(&[task]);
+        let bench = TaskBench::new();
+        let mut tasks = bench.tasks(&[task]);
         let clock = MockDriver::get();
         let start = Instant::now();
         // Its timeout, one period of the supervisor to detect it and one more to give up.
         let limit = task.timeout() + SUPERVISE_PERIOD * 3;
         run(clock, &mut tasks, limit.as_millis());
-        assert_eq!(*world.dog.given_up.borrow(), [task], "{task:?}");
-        let fed = world.dog.fed_at_ms.get().saturating_sub(start.as_millis());
+        assert_eq!(*bench.watchdog.given_up.borrow(), [task], "{task:?}");
+        let fed = bench.watchdog.fed_at_ms.get().saturating_sub(start.as_millis());
         assert!(fed <= (task.timeout() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
         // Permanently.
-        let fed = world.dog.fed_at_ms.get();
+        let fed = bench.watchdog.fed_at_ms.get();
         run(clock, &mut tasks, 2_000);
-        assert_eq!(world.dog.fed_at_ms.get(), fed);
-        assert_eq!(world.dog.given_up.borrow().len(), 1);
+        assert_eq!(bench.watchdog.fed_at_ms.get(), fed);
+        assert_eq!(bench.watchdog.given_up.borrow().len(), 1);
     }
 }

@@ -69,7 +69,7 @@ fn prepare(bytes: &[u8], slot: Option<&mut dyn ParamsSlot>) -> Result<MachineIde
     let decoded = decode(bytes);
     let calibration = match &decoded {
         Ok(calibration) => calibration,
-        Err(refusal) => return Err(*refusal),
+        Err(reason) => return Err(*reason),
     };
     let made = match slot {
         Some(slot) => slot.make(calibration),

@@ -76,9 +76,9 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
         let is_lost = self.node.is_address_lost();
         let failed = &mut self.failed;
-        let mut came = [None; Channel::ALL.len()];
+        let mut confirmed = [None; Channel::ALL.len()];
         self.controller.faults(|faults| {
-            for ((channel, before), came) in Channel::ALL.into_iter().zip(failed).zip(&mut came) {
+            for ((channel, before), confirmed) in Channel::ALL.into_iter().zip(failed).zip(&mut confirmed) {
                 let Some(sample) = sample else { break };
                 let fault = fault_of(sample, channel);
                 if fault == *before {
@@ -89,7 +89,7 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
                 }
                 if let Some(fault) = fault {
                     faults.confirm(FaultCode::Sensor(channel, fault), snapshot);
-                    *came = Some(FaultCode::Sensor(channel, fault));
+                    *confirmed = Some(FaultCode::Sensor(channel, fault));
                 }
                 *before = fault;
             }
@@ -106,8 +106,8 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
             }
         });
         // Logged after the lock is released, because writing a log takes long.
-        for code in came.into_iter().flatten() {
-            info!("trouble {}", code);
+        for code in confirmed.into_iter().flatten() {
+            info!("fault {}", code);
         }
     }
 
@@ -186,15 +186,15 @@ mod tests {
     use crate::j1939::{Id, Name, NameConfig};
 
     /// Bus in memory: frames to receive, frames sent, and room for further frames.
-    struct Line {
-        come: Vec<Frame>,
+    struct CanBench {
+        received: Vec<Frame>,
         sent: Vec<Frame>,
         room: usize,
     }
 
-    impl CanPort for Line {
+    impl CanPort for CanBench {
         fn receive(&mut self) -> Option<Frame> {
-            self.come.pop()
+            self.received.pop()
         }
 
         fn send(&mut self, frame: &Frame) -> bool {
@@ -208,16 +208,16 @@ mod tests {
 
     type Shared = Controller<NoopRawMutex>;
 
-    fn bus(controller: &Shared, room: usize) -> CanInterface<'_, Line, NoopRawMutex> {
+    fn bus(controller: &Shared, room: usize) -> CanInterface<'_, CanBench, NoopRawMutex> {
         let name = Name::new(&NameConfig::transmission(1)).unwrap();
         CanInterface::new(
-            Line { come: Vec::new(), sent: Vec::new(), room },
+            CanBench { received: Vec::new(), sent: Vec::new(), room },
             Node::new(name, 0x8C),
             controller,
         )
     }
 
-    fn turn(bus: &mut CanInterface<'_, Line, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
+    fn cycle(bus: &mut CanInterface<'_, CanBench, NoopRawMutex>, ms: u64, sample: Option<&Sample>) {
         let none = Err(NoEstimate::NoCalibration);
         embassy_futures::block_on(bus.publish(Micros(ms * 1000), &none, sample));
     }
@@ -227,7 +227,7 @@ mod tests {
         let controller = Shared::new();
         let mut bus = bus(&controller, usize::MAX);
         for ms in (0..3_000).step_by(10) {
-            turn(&mut bus, ms, None);
+            cycle(&mut bus, ms, None);
         }
         let sent = &bus.port.sent;
         assert_eq!(sent.first().map(|frame| frame.id().pgn().get()), Some(60928), "address claimed");
@@ -240,11 +240,11 @@ mod tests {
         let mut bus = bus(&controller, usize::MAX);
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
-        turn(&mut bus, 0, Some(&sample));
+        cycle(&mut bus, 0, Some(&sample));
         let code = FaultCode::Sensor(Channel::PumpSpeed, Fault::Open);
         assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
         sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));
-        turn(&mut bus, 10, Some(&sample));
+        cycle(&mut bus, 10, Some(&sample));
         assert!(controller.faults(|memory| memory.active().all(|entry| entry.code() != Some(code))));
         assert!(controller.faults(|memory| memory.previous().any(|entry| entry.code() == Some(code))));
     }
@@ -256,13 +256,13 @@ mod tests {
         let is_active =
             || controller.faults(|memory| memory.active().any(|e| e.code() == Some(FaultCode::BusSilent)));
         for ms in (0..=5_000).step_by(10) {
-            turn(&mut bus, ms, None);
+            cycle(&mut bus, ms, None);
             assert!(!is_active(), "{ms}");
         }
-        turn(&mut bus, 5_010, None);
+        cycle(&mut bus, 5_010, None);
         assert!(is_active());
-        bus.port.come.push(Frame::new(Id::from_raw(0x0CF0_0203), [0xFF; 8]));
-        turn(&mut bus, 5_020, None);
+        bus.port.received.push(Frame::new(Id::from_raw(0x0CF0_0203), [0xFF; 8]));
+        cycle(&mut bus, 5_020, None);
         assert!(!is_active());
     }
 
@@ -270,11 +270,11 @@ mod tests {
     fn frames_without_room_are_counted_and_a_flood_costs_a_bounded_cycle() {
         let controller = Shared::new();
         let mut bus = bus(&controller, 1);
-        bus.port.come = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];
+        bus.port.received = vec![Frame::new(Id::from_raw(0x18EA_FFF9), [0; 8]); 1000];
         for ms in (0..1_000).step_by(10) {
-            let before = bus.port.come.len();
-            turn(&mut bus, ms, None);
-            assert!(before - bus.port.come.len() <= 32);
+            let before = bus.port.received.len();
+            cycle(&mut bus, ms, None);
+            assert!(before - bus.port.received.len() <= 32);
         }
         assert_eq!(bus.port.sent.len(), 1);
         assert!(bus.dropped() > 0);

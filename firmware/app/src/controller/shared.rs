@@ -110,7 +110,7 @@ impl<M: RawMutex> Controller<M> {
     }
 
     pub(super) fn record_fault_event(&self, code: FaultCode) {
-        info!("trouble {}", code);
+        info!("fault {}", code);
         let frame = self.freeze_frame();
         self.faults(|memory| memory.record_event(code, frame));
     }

@@ -217,7 +217,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
 
     fn check_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let missed =
-            controller.task_stats.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
+            controller.task_stats.read().iter().fold(0_u32, |sum, stats| sum.saturating_add(stats.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
             controller.record_fault_event(FaultCode::Overrun);

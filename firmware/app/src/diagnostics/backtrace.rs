@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn return_addresses_are_told_from_what_else_lies_on_a_stack() {
+    fn return_addresses_are_distinguished_from_other_words_on_a_stack() {
         // Behind `bl`, even, behind `nop`, behind `blx`, behind `b.w`, start of the code, beyond its end, data.
         let stack = [0x105, 0x104, 0x107, 0x10d, 0x111, 0x101, 0x103, 0x115, 0, 1, 3, 5, u32::MAX, 0x105];
         let found: std::vec::Vec<u32> = return_addresses(&TestCode, stack.into_iter()).collect();
@@ -96,7 +96,7 @@ mod tests {
             write_backtrace(text, return_addresses(&TestCode, endless))
         });
         let text = crash_log::take(&mut memory).unwrap().text;
-        assert_eq!(text.split(' ').count(), 2 + MAX_ADDRESSES, "a note has room for so many");
+        assert_eq!(text.split(' ').count(), 2 + MAX_ADDRESSES, "as many as a crash record has room for");
         assert!(text.ends_with(" 00000105"), "{text}");
     }
 }

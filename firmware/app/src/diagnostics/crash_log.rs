@@ -53,8 +53,8 @@ pub struct CrashRecord {
 /// Cause of the reset: that of the crash record if there is one, because the hardware reports a panic as a software
 /// reset; else that of the hardware.
 #[must_use]
-pub fn reset_cause(hardware: ResetCause, note: Option<&CrashRecord>) -> ResetCause {
-    match note.map(|note| note.kind) {
+pub fn reset_cause(hardware: ResetCause, record: Option<&CrashRecord>) -> ResetCause {
+    match record.map(|record| record.kind) {
         Some(CrashKind::Panic | CrashKind::HardFault) => ResetCause::Panic,
         Some(CrashKind::Overdue) => ResetCause::Watchdog,
         Some(CrashKind::Asked) => ResetCause::Software,
@@ -84,12 +84,12 @@ pub fn write(memory: &mut [u8; LEN], kind: CrashKind, describe: impl FnOnce(&mut
 
 /// Reads and erases the crash record, and marks the memory as that of running firmware.
 pub fn take(memory: &mut [u8; LEN]) -> Option<CrashRecord> {
-    let note = read(memory);
+    let record = read(memory);
     memory.fill(0);
     for (byte, mark) in memory.iter_mut().zip(RUNS) {
         *byte = mark;
     }
-    note
+    record
 }
 
 /// Whether the memory has kept its content since the previous run; to be called before [`take`].
@@ -174,14 +174,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_note_survives_as_it_was_left_and_is_read_once() {
+    fn crash_record_survives_and_is_read_once() {
         let mut memory = [0xA5; LEN];
         for kind in [CrashKind::Panic, CrashKind::HardFault, CrashKind::Overdue, CrashKind::Asked] {
             write(&mut memory, kind, |text| {
                 text.push("index out of bounds at src/x.rs:12");
             });
-            let note = take(&mut memory).unwrap();
-            assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
+            let record = take(&mut memory).unwrap();
+            assert_eq!((record.kind, record.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
             assert_eq!(take(&mut memory), None);
         }
         // Too long: truncated, and not within a character.
@@ -189,12 +189,12 @@ mod tests {
         write(&mut memory, CrashKind::Panic, |text| {
             text.push(&long).push("x");
         });
-        let note = take(&mut memory).unwrap();
-        assert!(note.text.len() >= LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
+        let record = take(&mut memory).unwrap();
+        assert!(record.text.len() >= LEN - 12 && long.starts_with(record.text.as_str()), "{}", record.text);
     }
 
     #[test]
-    fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+    fn brown_out_is_distinguished_from_power_on() {
         let mut memory = [0xA5; LEN];
         assert_eq!(supply_reset(has_survived(&memory)), ResetCause::PowerOn);
         assert_eq!(take(&mut memory), None);
@@ -206,11 +206,11 @@ mod tests {
             assert!(!has_survived(&forgetting), "bit {bit}");
         }
         write(&mut memory, CrashKind::Panic, |_| ());
-        assert!(has_survived(&memory), "a note has survived as well");
+        assert!(has_survived(&memory), "a crash record has survived as well");
     }
 
     #[test]
-    fn every_single_wrong_bit_of_a_note_is_noticed() {
+    fn every_single_wrong_bit_is_detected() {
         let mut memory = [0; LEN];
         write(&mut memory, CrashKind::Overdue, |text| {
             text.push("estimate");
@@ -224,7 +224,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), LEN)) {
+        fn prop_memory_after_power_on_holds_no_record(bytes in prop::collection::vec(any::<u8>(), LEN)) {
             let mut memory = [0; LEN];
             memory.copy_from_slice(&bytes);
             prop_assert!(!has_survived(&memory));

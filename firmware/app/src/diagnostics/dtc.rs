@@ -11,7 +11,7 @@ use super::update_rejection::RejectReason;
 /// First manufacturer-specific SPN of this controller.
 const OWN: u32 = 520_192;
 /// SPN of a rejected update minus the number of its reason.
-const OWN_REFUSALS: u32 = OWN + 16;
+const OWN_REJECTIONS: u32 = OWN + 16;
 
 /// Diagnostic fault of the controller.
 ///
@@ -73,7 +73,7 @@ impl FaultCode {
                 .filter(|fault| *fault != Fault::NotFitted)
                 .map(move |fault| Self::Sensor(channel, fault))
         });
-        let refusals = RejectReason::ALL.into_iter().map(Self::UpdateRefused);
+        let rejections = RejectReason::ALL.into_iter().map(Self::UpdateRefused);
         let others = [
             Self::Wear,
             Self::SensorSuspect,
@@ -86,7 +86,7 @@ impl FaultCode {
             Self::BusSilent,
             Self::AddressLost,
         ];
-        sensors.chain(refusals).chain(others)
+        sensors.chain(rejections).chain(others)
     }
 
     /// Trouble code of the fault.
@@ -99,7 +99,7 @@ impl FaultCode {
             // Out of calibration.
             Self::SensorSuspect => (OWN + 1, 13),
             // Condition exists.
-            Self::UpdateRefused(refusal) => (OWN_REFUSALS + refusal.number() as u32, 31),
+            Self::UpdateRefused(reason) => (OWN_REJECTIONS + reason.number() as u32, 31),
             // Calibration memory: out of calibration, and failed.
             Self::CalibrationLost => (630, 13),
             Self::StorageFailed => (630, 12),
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_and_trouble_codes_belong_to_each_other_one_to_one() {
+    fn faults_and_trouble_codes_map_one_to_one() {
         let mut count = 0;
         for code in FaultCode::all() {
             let dtc = code.dtc();

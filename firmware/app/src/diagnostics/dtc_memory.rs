@@ -139,14 +139,14 @@ impl DtcList {
     /// Whether any fault is active.
     #[must_use]
     pub fn has_active(&self) -> bool {
-        self.0.iter().any(|trouble| trouble.active)
+        self.0.iter().any(|report| report.active)
     }
 
     /// Lamp lit by the active faults.
     #[must_use]
     pub fn lamp(&self) -> Lamp {
-        let lit = |trouble: &DtcReport| {
-            trouble.active && FaultCode::from_dtc(trouble.dtc).map(FaultCode::lamp) == Some(Lamp::Amber)
+        let lit = |report: &DtcReport| {
+            report.active && FaultCode::from_dtc(report.dtc).map(FaultCode::lamp) == Some(Lamp::Amber)
         };
         if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
     }
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn first_and_last_snapshot_and_number_of_occurrences_are_kept() {
+    fn first_and_last_freeze_frame_and_occurrences_are_stored() {
         let mut memory = FaultMemory::new();
         let code = sensor(Fault::Open);
         let mut sample = Sample::empty(Micros(0));
@@ -349,13 +349,13 @@ mod tests {
     }
 
     #[test]
-    fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
+    fn rejected_updates_cannot_displace_faults_of_the_machine() {
         let mut memory = FaultMemory::new();
         memory.confirm(sensor(Fault::Open), FreezeFrame::at(1));
         memory.record_event(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
-            for refusal in RejectReason::ALL {
-                memory.record_event(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
+            for reason in RejectReason::ALL {
+                memory.record_event(FaultCode::UpdateRefused(reason), FreezeFrame::at(10 + round));
             }
         }
         assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn active_troubles_are_never_pushed_out_and_the_rest_is_counted() {
+    fn active_faults_are_never_displaced_and_others_are_counted() {
         let mut memory = FaultMemory::new();
         let codes: std::vec::Vec<FaultCode> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn occurrences_stay_at_what_the_bus_can_tell() {
+    fn occurrences_saturate_at_the_maximum_of_the_bus() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
             memory.record_event(FaultCode::Watchdog, FreezeFrame::at(i));

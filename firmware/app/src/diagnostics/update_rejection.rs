@@ -74,7 +74,7 @@ impl RejectReason {
     /// Reason of a number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|refusal| refusal.number() == number)
+        Self::ALL.into_iter().find(|reason| reason.number() == number)
     }
 
     /// Name printed by tools.

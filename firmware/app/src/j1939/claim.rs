@@ -199,7 +199,7 @@ mod tests {
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(6, true));
         assert_eq!(claim.poll(ms(301)).unwrap().id().source(), 0x27);
-        assert_eq!(claim.address(), Some(0x27), "kept");
+        assert_eq!(claim.address(), Some(0x27), "defended");
         claim.receive(ms(310), 128, name(9, true));
         claim.receive(ms(320), 0x27, name(4, true));
         assert_eq!(claim.address(), None);

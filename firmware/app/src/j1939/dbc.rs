@@ -43,8 +43,8 @@ pub fn write(out: &mut impl Write) -> fmt::Result {
         layout(out, message)?;
     }
     out.write_str(
-        "CM_ \"Messages of the leakage estimator's controller (SAE J1939). Made from the firmware's own tables; do not \
-         edit.\";\n",
+        "CM_ \"Messages of the leakage estimator's controller (SAE J1939). Generated from the firmware's message \
+         catalogue; do not edit.\";\n",
     )?;
     for message in ALL {
         comments(out, message)?;
@@ -129,8 +129,8 @@ mod tests {
         let shipped = std::fs::read_to_string(&path).unwrap_or_default();
         assert!(
             shipped == text,
-            "firmware/app/kou.dbc is not what the tables say; write it anew with `host-sim dbc --out \
-             firmware/app/kou.dbc` and look at the difference"
+            "firmware/app/kou.dbc differs from the catalogue; write it again with `host-sim dbc --out \
+             firmware/app/kou.dbc` and review the difference"
         );
     }
 }

@@ -17,12 +17,12 @@ pub enum DtcListKind {
 }
 
 /// Padding behind a trouble code in a single frame.
-const FILLING: usize = 2;
+const PADDING: usize = 2;
 
 /// Writes one trouble code into bytes 2 to 5 of a frame; zeros for none.
-fn with_trouble(mut data: [u8; 8], trouble: Option<&DtcReport>) -> [u8; 8] {
+fn with_dtc(mut data: [u8; 8], dtc: Option<&DtcReport>) -> [u8; 8] {
     let (spn, fmi, count) =
-        trouble.map_or((0, 0, 0), |trouble| (trouble.dtc.spn, trouble.dtc.fmi, trouble.occurrences));
+        dtc.map_or((0, 0, 0), |report| (report.dtc.spn, report.dtc.fmi, report.occurrences));
     DTC_SPN_LOW.put_bits(&mut data, spn);
     DTC_SPN_HIGH.put_bits(&mut data, spn >> 16);
     DTC_FMI.put_bits(&mut data, u32::from(fmi));
@@ -33,25 +33,25 @@ fn with_trouble(mut data: [u8; 8], trouble: Option<&DtcReport>) -> [u8; 8] {
 
 /// Bytes of a list: eight for at most one trouble code, sent in one frame; more otherwise.
 #[must_use]
-pub fn list(troubles: &DtcList, which: DtcListKind) -> Vec<u8, MAX_LEN> {
+pub fn list(dtcs: &DtcList, which: DtcListKind) -> Vec<u8, MAX_LEN> {
     let mut head = [0xFF; 8];
     for lamp in [&PROTECT_LAMP, &RED_LAMP, &MALFUNCTION_LAMP] {
         lamp.put_raw(&mut head, 0);
     }
-    AMBER_LAMP.put_raw(&mut head, u32::from(troubles.lamp() == Lamp::Amber));
+    AMBER_LAMP.put_raw(&mut head, u32::from(dtcs.lamp() == Lamp::Amber));
     let is_active = which == DtcListKind::Active;
-    let mut entries = troubles.all().iter().filter(|trouble| trouble.active == is_active);
-    let first = with_trouble(head, entries.next());
+    let mut entries = dtcs.all().iter().filter(|report| report.active == is_active);
+    let first = with_dtc(head, entries.next());
     let mut rest = entries.peekable();
     // A list in a single frame is padded to eight bytes; a longer one is not.
-    let kept = if rest.peek().is_none() { first.len() } else { first.len() - FILLING };
-    let rest = rest.flat_map(|trouble| {
-        let [_, _, trouble @ .., _, _] = with_trouble(head, Some(trouble));
-        trouble
+    let length = if rest.peek().is_none() { first.len() } else { first.len() - PADDING };
+    let rest = rest.flat_map(|report| {
+        let [_, _, dtc @ .., _, _] = with_dtc(head, Some(report));
+        dtc
     });
     let mut bytes = Vec::new();
     // The list has room for a full fault memory, so nothing is omitted.
-    first.into_iter().take(kept).chain(rest).map_while(|byte| bytes.push(byte).ok()).for_each(|()| ());
+    first.into_iter().take(length).chain(rest).map_while(|byte| bytes.push(byte).ok()).for_each(|()| ());
     bytes
 }
 

@@ -186,12 +186,12 @@ impl Node {
             .or_else(|| self.periodic(now, source, outputs))
     }
 
-    fn diagnostics(&mut self, now: Micros, source: u8, troubles: &DtcList) -> Option<Frame> {
+    fn diagnostics(&mut self, now: Micros, source: u8, dtcs: &DtcList) -> Option<Frame> {
         // Both lists share one transport: they wait while it is busy.
         if self.broadcast.is_busy() {
             return None;
         }
-        let has_active = troubles.has_active();
+        let has_active = dtcs.has_active();
         let is_due = now >= self.dm1_due;
         if is_due {
             self.dm1_due = later(now, &DM1);
@@ -199,19 +199,14 @@ impl Node {
         if self.dm1_requested || is_due && (has_active || self.dm1_held) {
             self.dm1_requested = false;
             self.dm1_held = has_active;
-            return self.send_list(
-                now,
-                source,
-                &DM1,
-                &diagnostic_messages::list(troubles, DtcListKind::Active),
-            );
+            return self.send_list(now, source, &DM1, &diagnostic_messages::list(dtcs, DtcListKind::Active));
         }
         if core::mem::take(&mut self.dm2_requested) {
             return self.send_list(
                 now,
                 source,
                 &DM2,
-                &diagnostic_messages::list(troubles, DtcListKind::Previous),
+                &diagnostic_messages::list(dtcs, DtcListKind::Previous),
             );
         }
         None

@@ -62,7 +62,7 @@ fn periodic_messages_keep_their_periods() {
         assert!(steady, "{}: {times:?}", message.name);
     }
     assert!(times_of(&frames, c::HEALTH.pgn).is_empty(), "no health is learned here");
-    assert!(times_of(&frames, c::DM1.pgn).is_empty(), "no trouble, no DM1");
+    assert!(times_of(&frames, c::DM1.pgn).is_empty(), "no fault, no DM1");
 }
 
 #[test]
@@ -90,8 +90,8 @@ fn invalid_part_is_not_available_and_its_reason_is_sent() {
     // range is an error, not clamped.
     let mut large = estimate;
     large.expected.as_mut().unwrap().kou = LeakageCoefficient(100.0);
-    let told = c::KOU_EXPECTED.value(&publish::leakage(&large)).unwrap();
-    assert!((told - 100.0).abs() <= 1e-5, "{told}");
+    let sent_kou = c::KOU_EXPECTED.value(&publish::leakage(&large)).unwrap();
+    assert!((sent_kou - 100.0).abs() <= 1e-5, "{sent_kou}");
     large.expected.as_mut().unwrap().kou = LeakageCoefficient(5000.0);
     assert_eq!(c::KOU_EXPECTED.value(&publish::leakage(&large)), Err(Absent::Error));
 }
@@ -131,9 +131,9 @@ fn requests_are_answered_or_rejected() {
     assert_eq!(times_of(&frames, c::TP_CM.pgn), [1000]);
     assert_eq!(times_of(&frames, c::TP_DT.pgn), [1050, 1100, 1150, 1200]);
     let _ = node.receive(ms(2000), &request(Pgn::new(65253), ADDRESS));
-    let refused = node.poll(ms(2000), &outputs).unwrap();
-    assert_eq!(refused.id().raw(), 0x18E8_FF27);
-    assert_eq!(refused.data(), [1, 0xFF, 0xFF, 0xFF, 0xF9, 0xE5, 0xFE, 0x00]);
+    let nack = node.poll(ms(2000), &outputs).unwrap();
+    assert_eq!(nack.id().raw(), 0x18E8_FF27);
+    assert_eq!(nack.data(), [1, 0xFF, 0xFF, 0xFF, 0xF9, 0xE5, 0xFE, 0x00]);
     // A global request for an unknown group is not answered; a request to another node is ignored.
     let _ = sent(&mut node, 2000, 2010, &outputs);
     let _ = node.receive(ms(2010), &request(Pgn::new(65253), GLOBAL));

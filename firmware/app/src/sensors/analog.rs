@@ -125,8 +125,8 @@ impl AnalogState {
         live: bool,
     ) {
         self.now = now;
-        let judged = self.check(params, now, conversion, live);
-        if let Ok(value) = judged {
+        let checked = self.check(params, now, conversion, live);
+        if let Ok(value) = checked {
             self.filtered = match self.accepted {
                 Some(_) => self.filtered + params.gain * (value - self.filtered),
                 None => value,
@@ -136,9 +136,9 @@ impl AnalogState {
                 self.trusted = Some((now, self.filtered));
             }
         }
-        let confirmed = self.debounce.update(&params.debounce, judged.map(|_| ()));
-        let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
-        if confirmed || leaps {
+        let confirmed = self.debounce.update(&params.debounce, checked.map(|_| ()));
+        let jumps = checked == Err(Fault::Rate) && self.debounce.fault().is_some();
+        if confirmed || jumps {
             // The signal after a confirmed fault starts anew, at any value; while it keeps jumping, so does each
             // value, or else the last outlier would be the reference of the good ones after it. Only `trusted`
             // persists.

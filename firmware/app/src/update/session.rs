@@ -192,13 +192,13 @@ impl UpdateSession {
         guard: &UpdateGuard<'_>,
     ) -> SessionOutcome {
         let [number, ..] = command;
-        let refuse = |why| SessionOutcome::rejection(tool, number, why, 0);
+        let reject = |reason| SessionOutcome::rejection(tool, number, reason, 0);
         if matches!(self.stage, SessionState::Writing { .. } | SessionState::Filling { .. })
             || !self.is_idle() && tool != self.tool
         {
-            return refuse(RejectReason::Busy);
+            return reject(RejectReason::Busy);
         }
-        let Some(command) = UpdateCommand::from_bytes(command) else { return refuse(RejectReason::Unknown) };
+        let Some(command) = UpdateCommand::from_bytes(command) else { return reject(RejectReason::Unknown) };
         self.last = now;
         match self.step(tool, command, guard) {
             Ok(outcome) => outcome,

@@ -157,13 +157,13 @@ async fn publish(shared: &'static SharedState, start: Instant, to: &'static mut 
 }
 
 #[embassy_executor::task]
-async fn keep(shared: &'static SharedState, start: Instant, records: &'static mut FlashStorageTask) {
-    run_storage(shared, start, records).await
+async fn storage(shared: &'static SharedState, start: Instant, task: &'static mut FlashStorageTask) {
+    run_storage(shared, start, task).await
 }
 
 #[embassy_executor::task]
-async fn supervise(shared: &'static SharedState, start: Instant, mut keeper: WatchdogDriver) {
-    run_supervise(shared, start, &mut keeper).await
+async fn supervise(shared: &'static SharedState, start: Instant, mut watchdog_driver: WatchdogDriver) {
+    run_supervise(shared, start, &mut watchdog_driver).await
 }
 
 /// Publishes on the bus, and logs when the estimates become valid or invalid.
@@ -280,7 +280,7 @@ fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'
 }
 
 fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
-    let keeper = WatchdogDriver::new(p.IWDG);
+    let watchdog_driver = WatchdogDriver::new(p.IWDG);
     let shared: &'static SharedState = shared();
     let records = records(p.FLASH);
     let (params, memory) = (sensors(), init_static(&SENSORS_MEMORY, SensorsMemory::new));
@@ -305,8 +305,8 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
     highest.spawn(sample(shared, start, params, front_end, memory)?);
     high.spawn(estimate(shared, start, estimator)?);
     low.spawn(publish(shared, start, publisher)?);
-    low.spawn(supervise(shared, start, keeper)?);
-    spawner.spawn(keep(shared, start, records)?);
+    low.spawn(supervise(shared, start, watchdog_driver)?);
+    spawner.spawn(storage(shared, start, records)?);
     Ok(())
 }
 

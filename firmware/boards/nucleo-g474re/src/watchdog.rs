@@ -21,16 +21,17 @@ const WATCHDOG_US: u32 = 500_000;
 
 #[allow(unsafe_code, reason = "start-up must leave this memory alone, which its section says")]
 #[unsafe(link_section = ".uninit.note")]
-static mut NOTE: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
+static mut CRASH_RECORD: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
 
 /// Exclusive access to the crash record's memory for the duration of a closure, with interrupts off.
-fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
+fn with_crash_memory<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
     critical_section::with(|_| {
-        #[allow(unsafe_code, reason = "the only reference to the note's memory")]
+        #[allow(unsafe_code, reason = "the only reference to the memory of the crash record")]
         // SAFETY: the single core runs this closure with interrupts off, and no other place names the static. Any bytes
         // are valid for an array of bytes; they come from before the reset, which the compiler cannot know, so the
         // address is hidden from it.
-        let memory = unsafe { &mut *core::hint::black_box((&raw mut NOTE).cast::<[u8; crash_log::LEN]>()) };
+        let memory =
+            unsafe { &mut *core::hint::black_box((&raw mut CRASH_RECORD).cast::<[u8; crash_log::LEN]>()) };
         use_it(memory)
     })
 }
@@ -55,7 +56,7 @@ impl Watchdog for WatchdogDriver {
     }
 
     fn give_up(&mut self, task: Task) {
-        with_note(|memory| {
+        with_crash_memory(|memory| {
             crash_log::write(memory, CrashKind::Overdue, |text| {
                 text.push(task.name());
             })
@@ -66,7 +67,7 @@ impl Watchdog for WatchdogDriver {
 /// Reason of the present start, also logged; clears it in the hardware and in the crash record's memory.
 pub(crate) fn begin() -> StartReason {
     let (has_survived, crash_record) =
-        with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
+        with_crash_memory(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -90,27 +91,27 @@ pub(crate) fn begin() -> StartReason {
 
 /// Writes a crash record and resets.
 pub(crate) fn stop(why: &str) -> ! {
-    leave(CrashKind::Panic, |text| {
+    crash(CrashKind::Panic, |text| {
         text.push(why);
     })
 }
 
-fn leave(kind: CrashKind, tell: impl FnOnce(&mut CrashText<'_>)) -> ! {
+fn crash(kind: CrashKind, describe: impl FnOnce(&mut CrashText<'_>)) -> ! {
     cortex_m::interrupt::disable();
-    with_note(|memory| crash_log::write(memory, kind, tell));
+    with_crash_memory(|memory| crash_log::write(memory, kind, describe));
     SCB::sys_reset()
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // Backtrace only: texts and locations of all panics would take 8 KB of flash.
-    leave(CrashKind::Panic, |text| write_backtrace(text, return_addresses(&CodeFlash, backtrace::stack())))
+    crash(CrashKind::Panic, |text| write_backtrace(text, return_addresses(&CodeFlash, backtrace::stack())))
 }
 
 #[allow(unsafe_code, reason = "an exception handler for hard faults must be declared unsafe")]
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    leave(CrashKind::HardFault, |text| {
+    crash(CrashKind::HardFault, |text| {
         text.push("at ").push_hex(frame.pc()).push(", ");
         write_backtrace(
             text,

@@ -111,9 +111,9 @@ static LINE: Mutex<RefCell<Option<HostLine>>> = Mutex::new(RefCell::new(None));
 
 /// Sends a message and receives its answer. Interrupts are off meanwhile, and time stands still while the host works;
 /// encoding and decoding, which take time, are excluded.
-fn ask<T: serde::de::DeserializeOwned>(said: &FirmwareMessage) -> Option<T> {
+fn exchange_message<T: serde::de::DeserializeOwned>(message: &FirmwareMessage) -> Option<T> {
     let (mut out, mut back) = ([0; MAX_LEN], [0; MAX_LEN]);
-    let bytes = pack(said, &mut out)?;
+    let bytes = pack(message, &mut out)?;
     let length = critical_section::with(|cs| {
         let mut line = LINE.borrow_ref_mut(cs);
         let line = line.as_mut()?;
@@ -151,17 +151,17 @@ impl EmulatedFlash {
     #[must_use]
     pub fn new(writing: fn() -> Option<RecordKind>) -> Option<Self> {
         let mut flash = Self { writing, copy: COPY.try_take()? };
-        flash.look(0..FLASH_LEN)?;
+        flash.refresh(0..FLASH_LEN)?;
         Some(flash)
     }
 
     /// Copies the content of the host's cells.
-    fn look(&mut self, range: Range<usize>) -> Option<()> {
+    fn refresh(&mut self, range: Range<usize>) -> Option<()> {
         let offsets = range.clone().step_by(FLASH_CHUNK);
         for (offset, chunk) in offsets.zip(self.copy.get_mut(range)?.chunks_mut(FLASH_CHUNK)) {
             let length = u16::try_from(chunk.len()).ok()?;
             let work = FlashWork::Read { offset: u32::try_from(offset).ok()?, length };
-            let read = ask::<FlashDone>(&FirmwareMessage::Flash { of: None, work })??;
+            let read = exchange_message::<FlashDone>(&FirmwareMessage::Flash { of: None, work })??;
             chunk.copy_from_slice(read.get(..chunk.len())?);
         }
         Some(())
@@ -169,7 +169,9 @@ impl EmulatedFlash {
 
     fn work(&self, work: FlashWork) -> Result<Vec<u8, FLASH_CHUNK>, EmulatedFlashError> {
         let of = (self.writing)().map(|kind| kind as u8);
-        let Some(done) = ask::<FlashDone>(&FirmwareMessage::Flash { of, work }) else { Exit::HostGone.now() };
+        let Some(done) = exchange_message::<FlashDone>(&FirmwareMessage::Flash { of, work }) else {
+            Exit::HostGone.now()
+        };
         done.ok_or(EmulatedFlashError)
     }
 }
@@ -200,7 +202,7 @@ impl NorFlash for EmulatedFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), EmulatedFlashError> {
         self.work(FlashWork::Erase { from, to })?;
-        self.look(from as usize..to as usize).ok_or(EmulatedFlashError)?;
+        self.refresh(from as usize..to as usize).ok_or(EmulatedFlashError)?;
         let pages = to.saturating_sub(from) / FLASH_PAGE as u32;
         Timer::after(PAGE_TIME * pages).await;
         Ok(())
@@ -212,7 +214,7 @@ impl NorFlash for EmulatedFlash {
             let bytes = Vec::from_slice(chunk).map_err(|_| EmulatedFlashError)?;
             self.work(FlashWork::Write { offset: at, bytes })?;
             let at = at as usize;
-            self.look(at..at.saturating_add(chunk.len())).ok_or(EmulatedFlashError)?;
+            self.refresh(at..at.saturating_add(chunk.len())).ok_or(EmulatedFlashError)?;
             Timer::after(WORD_TIME * words).await;
         }
         Ok(())
@@ -231,20 +233,20 @@ impl KeySource for HostKey {
 /// Stamping timer; its read performs the exchange with the host.
 pub struct EmulatedTimer<F> {
     tick: u32,
-    asks: Vec<[u8; 3], CHANNELS>,
-    tell: F,
+    requests: Vec<[u8; 3], CHANNELS>,
+    fill: F,
 }
 
 impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
-    /// Timer that requests the conversions `asks` each time, and lets `tell` add the outputs to the report.
-    pub fn new(asks: Vec<[u8; 3], CHANNELS>, tell: F) -> Self {
-        Self { tick: 0, asks, tell }
+    /// Timer that requests the conversions `requests` each time, and lets `fill` add the outputs to the report.
+    pub fn new(requests: Vec<[u8; 3], CHANNELS>, fill: F) -> Self {
+        Self { tick: 0, requests, fill }
     }
 
     fn exchange(&mut self) -> Option<TickReply> {
         let mut message = TickReport {
             tick: self.tick,
-            spi: self.asks.clone(),
+            spi: self.requests.clone(),
             output: None,
             sample: None,
             task_stats: None,
@@ -253,7 +255,7 @@ impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
             writing: None,
             can: Vec::new(),
         };
-        (self.tell)(&mut message);
+        (self.fill)(&mut message);
         critical_section::with(|cs| {
             let mut sent = TX_QUEUE.borrow_ref_mut(cs);
             while let Some(frame) = sent.pop_front() {
@@ -264,7 +266,7 @@ impl<F: FnMut(&mut TickReport)> EmulatedTimer<F> {
                 }
             }
         });
-        ask(&FirmwareMessage::Tick(message))
+        exchange_message(&FirmwareMessage::Tick(message))
     }
 }
 
@@ -278,11 +280,11 @@ impl<F: FnMut(&mut TickReport)> EdgeTimer for EmulatedTimer<F> {
         critical_section::with(|cs| {
             let mut transactions = TRANSACTIONS.borrow_ref_mut(cs);
             transactions.clear();
-            transactions.extend(self.asks.iter().copied().zip(answer.spi.iter().copied()));
-            let mut come = RX_QUEUE.borrow_ref_mut(cs);
+            transactions.extend(self.requests.iter().copied().zip(answer.spi.iter().copied()));
+            let mut received = RX_QUEUE.borrow_ref_mut(cs);
             for frame in answer.can {
                 // A full queue loses the newest frame, like a CAN controller's.
-                come.push_back(frame).ok();
+                received.push_back(frame).ok();
             }
         });
         for (edges, stamps) in [(pump, &answer.pump), (motor, &answer.motor)] {

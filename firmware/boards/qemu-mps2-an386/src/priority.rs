@@ -33,25 +33,25 @@ pub fn start() -> [SendSpawner; 4] {
     ]
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_highest() {
     // SAFETY: this is the handler of the interrupt that was given to `HIGHEST.start`.
     unsafe { HIGHEST.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_high() {
     // SAFETY: this is the handler of the interrupt that was given to `HIGH.start`.
     unsafe { HIGH.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_low() {
     // SAFETY: this is the handler of the interrupt that was given to `LOW.start`.
     unsafe { LOW.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_lowest() {
     // SAFETY: this is the handler of the interrupt that was given to `LOWEST.start`.
     unsafe { LOWEST.on_interrupt() }

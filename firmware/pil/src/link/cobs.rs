@@ -104,17 +104,17 @@ mod tests {
     use std::vec;
     use std::vec::Vec;
 
-    fn stuff(plain: &[u8]) -> Vec<u8> {
+    fn encoded(plain: &[u8]) -> Vec<u8> {
         let mut out = vec![0; max_encoded_len(plain.len())];
         let len = encode(plain, &mut out).unwrap();
         out.truncate(len);
         out
     }
 
-    fn unstuff(stuffed: &[u8]) -> (Vec<u8>, CobsEvent) {
+    fn decoded(code: &[u8]) -> (Vec<u8>, CobsEvent) {
         let mut decoder = CobsDecoder::new();
         let mut plain = Vec::new();
-        for &byte in stuffed.iter().chain(&[0]) {
+        for &byte in code.iter().chain(&[0]) {
             match decoder.push(byte) {
                 CobsEvent::Nothing => {}
                 CobsEvent::Byte(byte) => plain.push(byte),
@@ -126,18 +126,18 @@ mod tests {
 
     #[test]
     fn blocks_of_254_bytes_are_split_as_specified() {
-        assert_eq!(stuff(&[0]), [1, 1]);
-        assert_eq!(stuff(&[1, 2, 0, 3]), [3, 1, 2, 2, 3]);
+        assert_eq!(encoded(&[0]), [1, 1]);
+        assert_eq!(encoded(&[1, 2, 0, 3]), [3, 1, 2, 2, 3]);
         let long = [7; 255];
-        let stuffed = stuff(&long);
-        assert_eq!((stuffed[0], stuffed[255], stuffed[256]), (255, 2, 7));
+        let code = encoded(&long);
+        assert_eq!((code[0], code[255], code[256]), (255, 2, 7));
     }
 
     #[test]
     fn buffer_one_byte_short_is_rejected() {
         for len in [0, 1, 253, 254, 255, 508] {
             let plain = vec![1; len];
-            let needed = stuff(&plain).len();
+            let needed = encoded(&plain).len();
             assert_eq!(encode(&plain, &mut vec![0; needed - 1]), None, "{len}");
         }
     }
@@ -145,15 +145,15 @@ mod tests {
     proptest! {
         /// Runs are generated so that lengths around 254 and many zeros both occur.
         #[test]
-        fn stuffed_bytes_have_no_zero_and_agree_with_the_cobs_crate(
+        fn encoded_bytes_have_no_zero_and_agree_with_the_cobs_crate(
             runs in prop::collection::vec((any::<u8>(), 0usize..520), 0..4),
         ) {
             let plain: Vec<u8> = runs.iter().flat_map(|&(byte, len)| vec![byte % 3; len]).collect();
-            let stuffed = stuff(&plain);
-            prop_assert!(!stuffed.contains(&0));
-            prop_assert_eq!(unstuff(&stuffed), (plain.clone(), CobsEvent::End));
-            prop_assert_eq!(&::cobs::decode_vec(&stuffed).unwrap(), &plain);
-            prop_assert_eq!(unstuff(&::cobs::encode_vec(&plain)).0, plain);
+            let code = encoded(&plain);
+            prop_assert!(!code.contains(&0));
+            prop_assert_eq!(decoded(&code), (plain.clone(), CobsEvent::End));
+            prop_assert_eq!(&::cobs::decode_vec(&code).unwrap(), &plain);
+            prop_assert_eq!(decoded(&::cobs::encode_vec(&plain)).0, plain);
         }
     }
 }

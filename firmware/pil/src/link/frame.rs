@@ -87,9 +87,9 @@ pub fn encode<const BODY: usize>(message: &impl Serialize, out: &mut [u8]) -> Re
     let (crc, _) = rest.split_first_chunk_mut::<CRC_LEN>().ok_or(EncodeError::Message)?;
     *crc = crc32(payload).to_le_bytes();
     let body = body.get(..len.saturating_add(CRC_LEN)).ok_or(EncodeError::Message)?;
-    let stuffed = cobs::encode(body, out).ok_or(EncodeError::Buffer)?;
-    *out.get_mut(stuffed).ok_or(EncodeError::Buffer)? = 0;
-    Ok(stuffed.saturating_add(1))
+    let encoded = cobs::encode(body, out).ok_or(EncodeError::Buffer)?;
+    *out.get_mut(encoded).ok_or(EncodeError::Buffer)? = 0;
+    Ok(encoded.saturating_add(1))
 }
 
 /// Decoder of frames of at most `N` bytes (payload and CRC).

@@ -44,7 +44,7 @@ impl Random {
 }
 
 /// Expected result of a stretch of bytes between two zeros, by the `cobs` crate.
-fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
+fn oracle(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
     let body = match ::cobs::decode_vec(stretch) {
         Ok(body) if body.len() > capacity => return Err(FrameError::TooLong),
         Ok(body) => body,
@@ -98,9 +98,9 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
     let mut random = Random(1);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     let record = [0x5A; 500];
-    let mut judged: u32 = 0;
+    let mut decoded: u32 = 0;
     let mut by_error = [0_u32; 7];
-    while judged < 1_000_000 {
+    while decoded < 1_000_000 {
         // One to three pieces run together where their delimiters are cut off.
         let mut stretch = Vec::new();
         for _ in 0..=random.below(3) / 2 {
@@ -136,7 +136,7 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
         for &byte in stretch.iter().chain(&[0, 0]) {
             let Some(outcome) = decoder.push(byte) else { continue };
             outcomes += 1;
-            let expected = referee(&stretch, MAX_BODY);
+            let expected = oracle(&stretch, MAX_BODY);
             assert_eq!(outcome.map(<[u8]>::to_vec), expected, "{stretch:02x?}");
             let class = match outcome.and_then(decode_request) {
                 Ok(_) => 6,
@@ -145,7 +145,7 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
             by_error[class] += 1;
         }
         assert_eq!(outcomes, u32::from(!stretch.is_empty()), "{stretch:02x?}");
-        judged += outcomes;
+        decoded += outcomes;
     }
     assert!(by_error.iter().all(|&count| count > 50), "too few of some kind: {by_error:?}");
 }

@@ -16,7 +16,7 @@ pub type ServerResponse = Response<&'static str>;
 
 /// Command to the estimate task, made by the task `link in` from a request or a rejected frame.
 // A sample is most of a hundred bytes and almost every command is one: a box is neither possible nor useful.
-#[allow(clippy::large_enum_variant, reason = "the large variant is the usual one")]
+#[allow(clippy::large_enum_variant, reason = "the large variant is the most frequent one")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ServerCommand {
     /// Identify.

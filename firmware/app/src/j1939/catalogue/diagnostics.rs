@@ -16,11 +16,11 @@ pub const RED_LAMP: Signal = with_spn(state("RedStopLamp", 4, 2, LAMP, "Red stop
 pub const MALFUNCTION_LAMP: Signal =
     with_spn(state("MalfunctionLamp", 6, 2, LAMP, "Malfunction indicator lamp"), 1213);
 /// Low 16 bits of the trouble code's SPN.
-pub const DTC_SPN_LOW: Signal = plain("DtcSpnLow", 16, 16, "Low 16 bits of the trouble's SPN; 0: no trouble");
+pub const DTC_SPN_LOW: Signal = plain("DtcSpnLow", 16, 16, "Low 16 bits of the SPN; 0: no trouble code");
 /// Failure mode identifier.
 pub const DTC_FMI: Signal = plain("DtcFmi", 32, 5, "Failure mode identifier");
 /// High 3 bits of the trouble code's SPN.
-pub const DTC_SPN_HIGH: Signal = plain("DtcSpnHigh", 37, 3, "High 3 bits of the trouble's SPN");
+pub const DTC_SPN_HIGH: Signal = plain("DtcSpnHigh", 37, 3, "High 3 bits of the SPN");
 /// Occurrence count.
 pub const DTC_COUNT: Signal = plain("DtcOccurrences", 40, 7, "Number of occurrences; 127: not known");
 /// SPN conversion method.
@@ -50,7 +50,7 @@ pub const DM1: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: TROUBLE_SIGNALS,
-    comment: "Active troubles: at most one; with more, the list goes by transport protocol",
+    comment: "Active trouble codes: at most one; more are sent by transport protocol",
 }
 .carried();
 /// Previously active trouble codes, sent likewise.
@@ -58,7 +58,7 @@ pub const DM2: Message = Message {
     name: "DM2",
     pgn: Pgn::new(65227),
     period_ms: 0,
-    comment: "Previously active troubles, on request; with more than one by transport protocol",
+    comment: "Previously active trouble codes, on request; more than one by transport protocol",
     ..DM1
 }
 .carried();

@@ -202,13 +202,18 @@ pub const LEVEL_SE: Signal = word("LevelSe", 2, 0.0001, 0.0, "", "Standard error
 pub const RATIO_OFFSET: Signal =
     word("RatioOffset", 4, 0.0001, -3.2, "", "Factor on the ratio that is not leakage, less 1");
 /// Fault status: wear.
-pub const WEAR_STAGE: Signal = state("WearStage", 48, 4, STAGES, "Trouble: leaks more than it did");
+pub const WEAR_STAGE: Signal = state("WearStage", 48, 4, STAGES, "Fault status: increased leakage by wear");
 /// Fault status: sensor, displacement or oil.
-pub const SENSOR_STAGE: Signal =
-    state("SensorStage", 52, 4, STAGES, "Trouble: a sensor, the displacement or the oil explains a change");
+pub const SENSOR_STAGE: Signal = state(
+    "SensorStage",
+    52,
+    4,
+    STAGES,
+    "Fault status: a change explained by a sensor, the displacement or the oil",
+);
 /// State of the learning gate.
 pub const GATE: Signal =
-    state("Gate", 56, 8, GATES, "Whether the present block was learned from, or why not");
+    state("Gate", 56, 8, GATES, "State of the learning gate: open, or the reason why it is closed");
 /// Learned health.
 pub const HEALTH: Message = Message {
     name: "KouHealth",
@@ -218,7 +223,7 @@ pub const HEALTH: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: &[LEVEL, LEVEL_SE, RATIO_OFFSET, WEAR_STAGE, SENSOR_STAGE, GATE],
-    comment: "What has been learned of the machine while driving",
+    comment: "Learned health of the machine",
 }
 .carried();
 
@@ -228,7 +233,7 @@ pub const SOURCES: &[(u32, &str)] = &[(0, "none"), (1, "default"), (2, "stored")
 pub const CALIBRATION_CRC: Signal = plain("CalibrationCrc", 0, 32, "CRC-32 of the calibration record in use");
 /// Source of the calibration in use.
 pub const CALIBRATION_SOURCE: Signal =
-    state("CalibrationSource", 32, 4, SOURCES, "Where the calibration in use comes from");
+    state("CalibrationSource", 32, 4, SOURCES, "Source of the calibration in use");
 /// Number of detected changes.
 pub const CHANGES: Signal =
     plain("Changes", 40, 8, "Changes of the leakage found since health was reset; stays at 255");
@@ -237,7 +242,7 @@ pub const CAUSES: Signal = plain(
     "Causes",
     48,
     16,
-    "Causes that remain for the last change, one bit each in the order of docs/health.md, lowest first",
+    "Causes that remain for the last change, one bit each in the order of docs/health/theory.md, lowest first",
 );
 /// Status of the controller.
 pub const STATUS: Message = Message {
@@ -248,6 +253,6 @@ pub const STATUS: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: &[CALIBRATION_CRC, CALIBRATION_SOURCE, CHANGES, CAUSES],
-    comment: "Calibration in use, and what the last change may have been",
+    comment: "Calibration in use, and possible causes of the last change",
 }
 .carried();

@@ -38,7 +38,7 @@ pub const UPDATE_COMMAND: Message = Message {
     sender: Sender::Tool,
     signals: &update_signals(Signal {
         values: UPDATE_COMMANDS,
-        ..plain("Command", 0, 8, "What the tool wants")
+        ..plain("Command", 0, 8, "Command of the tool")
     }),
     comment: "Step of a calibration update or reading, to the controller",
 }
@@ -47,7 +47,10 @@ pub const UPDATE_COMMAND: Message = Message {
 pub const UPDATE_ANSWER: Message = Message {
     name: "KouUpdateAnswer",
     sender: Sender::Kou,
-    signals: &update_signals(Signal { values: UPDATE_ANSWERS, ..plain("Answer", 0, 8, "What became of it") }),
+    signals: &update_signals(Signal {
+        values: UPDATE_ANSWERS,
+        ..plain("Answer", 0, 8, "Answer of the controller")
+    }),
     comment: "Answer to a step of a calibration update or reading, to the tool",
     ..UPDATE_COMMAND
 }

@@ -170,19 +170,19 @@ fn before_the_first_conversion_the_reading_is_missing() {
 
 #[test]
 fn configuration_out_of_range_is_rejected_by_name() {
-    let refuse = |change: fn(&mut AnalogConfig<Megapascal>)| {
+    let reject = |change: fn(&mut AnalogConfig<Megapascal>)| {
         let mut config = CONFIG;
         change(&mut config);
         AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap_err().field
     };
-    assert_eq!(refuse(|c| c.period_us = 0), "period_us");
-    assert_eq!(refuse(|c| c.filter_s = f32::NAN), "filter_s");
-    assert_eq!(refuse(|c| c.highest = c.lowest), "highest");
-    assert_eq!(refuse(|c| c.max_rate_per_s = 0.0), "max_rate_per_s");
-    assert_eq!(refuse(|c| c.noise_band = -1.0), "noise_band");
-    assert_eq!(refuse(|c| c.stuck_ms = Some(1)), "stuck_ms");
-    assert_eq!(refuse(|c| c.debounce.confirm = 0), "debounce.confirm");
-    assert_eq!(refuse(|c| c.debounce.heal = 70_000), "debounce.heal");
+    assert_eq!(reject(|c| c.period_us = 0), "period_us");
+    assert_eq!(reject(|c| c.filter_s = f32::NAN), "filter_s");
+    assert_eq!(reject(|c| c.highest = c.lowest), "highest");
+    assert_eq!(reject(|c| c.max_rate_per_s = 0.0), "max_rate_per_s");
+    assert_eq!(reject(|c| c.noise_band = -1.0), "noise_band");
+    assert_eq!(reject(|c| c.stuck_ms = Some(1)), "stuck_ms");
+    assert_eq!(reject(|c| c.debounce.confirm = 0), "debounce.confirm");
+    assert_eq!(reject(|c| c.debounce.heal = 70_000), "debounce.heal");
 }
 
 proptest! {

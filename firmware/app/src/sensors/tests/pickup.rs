@@ -236,24 +236,24 @@ fn edges_lost_by_the_board_preserve_the_last_speed_with_its_time() {
 
 #[test]
 fn configuration_out_of_range_is_rejected_by_name() {
-    let refuse = |change: fn(&mut PickupConfig)| {
+    let reject = |change: fn(&mut PickupConfig)| {
         let mut config = CONFIG;
         change(&mut config);
         PickupParams::new(&config).unwrap_err().field
     };
-    assert_eq!(refuse(|c| c.teeth = 0), "teeth");
-    assert_eq!(refuse(|c| c.gap_teeth = 9), "gap_teeth");
-    assert_eq!(refuse(|c| c.max_rpm = f32::INFINITY), "max_rpm");
-    assert_eq!(refuse(|c| c.counter_hz = 1), "counter_hz");
-    assert_eq!(refuse(|c| c.window_ms = 0), "window_ms");
-    assert_eq!(refuse(|c| c.zero_ms = 0), "zero_ms");
+    assert_eq!(reject(|c| c.teeth = 0), "teeth");
+    assert_eq!(reject(|c| c.gap_teeth = 9), "gap_teeth");
+    assert_eq!(reject(|c| c.max_rpm = f32::INFINITY), "max_rpm");
+    assert_eq!(reject(|c| c.counter_hz = 1), "counter_hz");
+    assert_eq!(reject(|c| c.window_ms = 0), "window_ms");
+    assert_eq!(reject(|c| c.zero_ms = 0), "zero_ms");
     // 400 teeth at 20 000 r/min are 133 333 edges a second, too many for a counter of 100 kHz.
     let slow = |c: &mut PickupConfig| {
         c.teeth = 400;
         c.max_rpm = 20_000.0;
         c.counter_hz = 100_000;
     };
-    assert_eq!(refuse(slow), "counter_hz per tooth");
+    assert_eq!(reject(slow), "counter_hz per tooth");
 }
 
 proptest! {

@@ -107,19 +107,19 @@ fn thermistor_agrees_with_its_law_and_reports_both_ends() {
 
 #[test]
 fn impossible_wiring_is_rejected_by_name() {
-    let refuse = |config| Scale::pressure(&config).unwrap_err().field;
+    let reject = |config| Scale::pressure(&config).unwrap_err().field;
     let current = |shunt_ohm, reference_v, span| LinearConfig::CurrentLoop {
         shunt_ohm,
         reference_v,
         at_zero: Megapascal(0.0),
         at_span: Megapascal(span),
     };
-    assert_eq!(refuse(current(f32::NAN, 3.3, 60.0)), "shunt_ohm");
-    assert_eq!(refuse(current(150.0, 33.0, 60.0)), "reference_v");
-    assert_eq!(refuse(current(150.0, 3.3, 0.0)), "at_span");
-    assert_eq!(refuse(current(150.0, 3.3, f32::INFINITY)), "at_span");
+    assert_eq!(reject(current(f32::NAN, 3.3, 60.0)), "shunt_ohm");
+    assert_eq!(reject(current(150.0, 33.0, 60.0)), "reference_v");
+    assert_eq!(reject(current(150.0, 3.3, 0.0)), "at_span");
+    assert_eq!(reject(current(150.0, 3.3, f32::INFINITY)), "at_span");
     // 21 mA through 200 Ohm are 4.2 V: a short would be indistinguishable from a high pressure.
-    assert_eq!(refuse(current(200.0, 3.3, 60.0)), "reference");
+    assert_eq!(reject(current(200.0, 3.3, 60.0)), "reference");
     let ntc = ThermometerConfig::Ntc { pull_up_ohm: 4700.0, ohm_at_25_c: 10_000.0, beta_k: 34.35 };
     assert_eq!(Scale::temperature(&ntc).unwrap_err().field, "beta_k");
     let pt = ThermometerConfig::Pt1000 { pull_up_ohm: 2.2 };

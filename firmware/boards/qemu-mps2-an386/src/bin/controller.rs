@@ -39,8 +39,8 @@ const SERIAL: u32 = 1;
 const ADDRESS: u8 = 0x8C;
 
 /// Cycles of the sampling task between two outputs, and between two reports of timing statistics.
-const OUTPUT_TURNS: u32 = 10;
-const VITALS_TURNS: u32 = 1000;
+const OUTPUT_CYCLES: u32 = 10;
+const STATS_CYCLES: u32 = 1000;
 
 type FrontEnd = AdcSampler<Mcp3208<EmulatedSpi>, EmulatedTimer<fn(&mut TickReport)>>;
 
@@ -92,14 +92,14 @@ async fn supervise(start: Instant) {
 }
 
 /// Fills in the outputs of a report to the host.
-fn tell(message: &mut TickReport) {
+fn fill_report(message: &mut TickReport) {
     message.writing = CONTROLLER.writing().map(|kind| kind as u8);
     message.fed = FED.load(Ordering::Relaxed);
-    if message.tick % OUTPUT_TURNS == 1 {
+    if message.tick % OUTPUT_CYCLES == 1 {
         message.output = Some(CONTROLLER.output(Micros(Instant::now().as_micros())));
         message.sample = CONTROLLER.sample();
     }
-    if message.tick % VITALS_TURNS == 1 {
+    if message.tick % STATS_CYCLES == 1 {
         message.task_stats = Some(CONTROLLER.task_stats.read());
         message.stack_bytes = STACK.load(Ordering::Relaxed);
     }
@@ -109,7 +109,7 @@ fn tell(message: &mut TickReport) {
 static STACK: AtomicU32 = AtomicU32::new(0);
 const STACK_PERIOD: Duration = Duration::from_millis(500);
 /// Iterations of the idle loop between two reads of the clock: about a millisecond.
-const IDLE_TURNS: u32 = 8000;
+const IDLE_ITERATIONS: u32 = 8000;
 
 /// Storage task with its initial conditions, from the host's first message.
 fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
@@ -132,11 +132,11 @@ fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
 fn start(line: HostLine) -> Result<(), SpawnError> {
     let Some(records) = records(line) else { Exit::LineFailed.now() };
     let Ok(params) = SensorsParams::new(&wiring::REFERENCE) else { Exit::Spawn.now() };
-    let asks: Vec<_, { kou_app::sensors::set::CHANNELS }> =
+    let requests: Vec<_, { kou_app::sensors::set::CHANNELS }> =
         params.inputs().iter().flatten().map(|input| request(*input)).collect();
     let front_end = AdcSampler::new(
         Mcp3208::new(EmulatedSpi::new()),
-        EmulatedTimer::new(asks, tell as fn(&mut TickReport)),
+        EmulatedTimer::new(requests, fill_report as fn(&mut TickReport)),
     );
     let [highest, high, low, lowest] = priority::start();
     let start = Instant::now();
@@ -162,16 +162,16 @@ fn main() -> ! {
     if start(line).is_err() {
         Exit::Spawn.now()
     }
-    let mut looked = Instant::now();
+    let mut measured_at = Instant::now();
     loop {
         // No sleep: with `-icount`, QEMU's clock overshoots the next alarm by up to a millisecond when its processor
         // wakes. Nor a read of the clock in every iteration: QEMU ends a block of translated code at each device
         // access, which would take half of a run.
-        for _ in 0..IDLE_TURNS {
+        for _ in 0..IDLE_ITERATIONS {
             cortex_m::asm::nop();
         }
-        if looked.elapsed() >= STACK_PERIOD {
-            looked = Instant::now();
+        if measured_at.elapsed() >= STACK_PERIOD {
+            measured_at = Instant::now();
             STACK.store(stack::high_water_bytes(), Ordering::Relaxed);
         }
     }
