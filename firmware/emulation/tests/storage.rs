@@ -12,15 +12,15 @@ use kou_emulation::ram_flash::{RamFlashError, Torn};
 use serde::{Deserialize, Serialize};
 
 const BYTES: usize = MIN_BYTES as usize;
-type Flash = RamFlash<BYTES, 2048>;
+type MinimalFlash = RamFlash<BYTES, 2048>;
 
-fn store() -> Store<Flash> {
-    Store::new(Flash::new(), 0..MIN_BYTES).unwrap()
+fn store() -> Store<MinimalFlash> {
+    Store::new(MinimalFlash::new(), 0..MIN_BYTES).unwrap()
 }
 
 #[test]
 fn unusable_region_is_rejected_by_name() {
-    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
+    assert_eq!(Store::new(MinimalFlash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
     let odd = Store::new(RamFlash::<{ 2 * BYTES }, 2048>::new(), 8..MIN_BYTES + 8);
     assert_eq!(odd.err(), Some(RegionError::Pages));
     let small = Store::new(RamFlash::<BYTES, 512>::new(), 0..MIN_BYTES);
@@ -118,7 +118,7 @@ fn unplanned_resets_are_counted_and_are_faults() {
 
 #[test]
 fn flash_in_ram_follows_the_rules_of_nor_flash() {
-    let mut flash = Flash::new();
+    let mut flash = MinimalFlash::new();
     block_on(async {
         flash.write(8, &[1; 8]).await.unwrap();
         assert_eq!(flash.write(8, &[1; 8]).await, Err(RamFlashError::NotErased));

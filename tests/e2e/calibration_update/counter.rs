@@ -17,7 +17,7 @@ impl Record<'_> for Foreign {
 fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_takes_no_update() {
     let key = TestKey::new(1);
     // Of a calibration schema that this version does not read: the counter is kept, the default is used.
-    let mut controller = Controller::new(TestKey::new(1));
+    let mut controller = TestController::new(TestKey::new(1));
     let mut old = record_of(&changed(0.001));
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
@@ -41,7 +41,7 @@ fn a_stored_calibration_that_cannot_be_used_is_a_trouble_and_an_unknown_counter_
 #[test]
 fn a_counter_that_the_calibration_no_longer_tells_is_known_from_its_own_record() {
     let key = TestKey::new(1);
-    let mut controller = Controller::new(TestKey::new(1));
+    let mut controller = TestController::new(TestKey::new(1));
     block_on(controller.store.write(&UpdateCounter { counter: 8 })).unwrap();
     // A calibration of a layout that this version does not read.
     block_on(controller.store.write(&Foreign(1))).unwrap();
@@ -57,7 +57,7 @@ fn a_counter_that_the_calibration_no_longer_tells_is_known_from_its_own_record()
 #[test]
 fn the_larger_of_two_counters_holds_whichever_record_it_stands_in() {
     for (of_calibration, alone) in [(8, 5), (5, 8)] {
-        let mut controller = Controller::new(TestKey::new(1));
+        let mut controller = TestController::new(TestKey::new(1));
         let record = record_of(&changed(0.001));
         block_on(async {
             let stored = StoredCalibration { counter: of_calibration, record: &record };

@@ -56,7 +56,7 @@ fn with_serial(mut calibration: Calibration, serial: &str) -> Calibration {
 }
 
 /// A controller with flash, live calibration and session, as the firmware's tasks put them together.
-struct Controller {
+struct TestController {
     session: UpdateSession,
     store: Store<RamFlash<{ MIN_BYTES as usize }, 2048>>,
     faults: FaultMemory,
@@ -69,7 +69,7 @@ struct Controller {
     now: Micros,
 }
 
-impl Controller {
+impl TestController {
     fn new(keys: impl KeySource + 'static) -> Self {
         let default = record_of(&with_serial(reference_calibration(), ""));
         let store = Store::new(RamFlash::new(), 0..MIN_BYTES).unwrap();

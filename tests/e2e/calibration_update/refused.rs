@@ -11,7 +11,7 @@ use super::*;
 #[test]
 fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     let key = TestKey::new(1);
-    let mut controller = Controller::new(TestKey::new(1));
+    let mut controller = TestController::new(TestKey::new(1));
     let first = record_of(&changed(0.001));
     assert!(matches!(
         controller.send(transfer(&first, 5, &key).commands()),
@@ -113,7 +113,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
 
 #[test]
 fn a_controller_without_a_key_takes_no_update() {
-    let mut controller = Controller::new(NoKey);
+    let mut controller = TestController::new(NoKey);
     let new = record_of(&changed(0.001));
     controller.refuses(transfer(&new, 1, &TestKey::new(1)).commands(), RejectReason::NoKey);
 }

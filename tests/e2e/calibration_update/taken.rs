@@ -10,7 +10,7 @@ use super::*;
 #[test]
 fn an_update_is_checked_stored_and_live_and_survives_a_restart() {
     let key = TestKey::new(1);
-    let mut controller = Controller::new(TestKey::new(1));
+    let mut controller = TestController::new(TestKey::new(1));
     assert_eq!(controller.start(), CalibrationSource::Default);
     let new = record_of(&changed(0.001));
     let crc = record::crc32(&new[..new.len() - 4]);
@@ -27,7 +27,7 @@ fn an_update_is_checked_stored_and_live_and_survives_a_restart() {
 fn frames_of_the_pc_tool_are_taken() {
     let mut random = Random(1);
     let key = Key::new(std::array::from_fn(|_| random.bits() as u8));
-    let mut controller = Controller::new(TestKey::new(1));
+    let mut controller = TestController::new(TestKey::new(1));
     let addresses = Addresses { controller: 0x27, tool: TOOL };
     let frames = frames(&changed(0.001), 3, &key, addresses).unwrap();
     let mut last = None;
@@ -44,7 +44,7 @@ fn frames_of_the_pc_tool_are_taken() {
 
 #[test]
 fn what_is_stored_is_read_back_in_segments() {
-    let mut controller = Controller::new(NoKey);
+    let mut controller = TestController::new(NoKey);
     let Some(UpdateAnswer::ReadReady { what: 1, length, crc }) =
         controller.send([UpdateCommand::Read { what: 1 }])
     else {

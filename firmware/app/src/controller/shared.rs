@@ -99,8 +99,8 @@ impl<M: RawMutex> Controller<M> {
     }
 
     /// Gives access to the fault memory. All other tasks are locked out meanwhile: keep it short.
-    pub fn faults<R>(&self, look: impl FnOnce(&mut FaultMemory) -> R) -> R {
-        self.faults.lock(|memory| look(&mut memory.borrow_mut()))
+    pub fn faults<R>(&self, access: impl FnOnce(&mut FaultMemory) -> R) -> R {
+        self.faults.lock(|memory| access(&mut memory.borrow_mut()))
     }
 
     /// Freeze frame of the latest sample at the present operating time.

@@ -34,11 +34,11 @@ pub enum CrashKind {
     /// Overdue task; the text is its name.
     Overdue,
     /// Requested reset.
-    Asked,
+    Requested,
 }
 
 impl CrashKind {
-    const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Asked];
+    const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Requested];
 }
 
 /// Crash record left by the previous run.
@@ -57,7 +57,7 @@ pub fn reset_cause(hardware: ResetCause, record: Option<&CrashRecord>) -> ResetC
     match record.map(|record| record.kind) {
         Some(CrashKind::Panic | CrashKind::HardFault) => ResetCause::Panic,
         Some(CrashKind::Overdue) => ResetCause::Watchdog,
-        Some(CrashKind::Asked) => ResetCause::Software,
+        Some(CrashKind::Requested) => ResetCause::Software,
         None => hardware,
     }
 }
@@ -92,7 +92,7 @@ pub fn take(memory: &mut [u8; LEN]) -> Option<CrashRecord> {
     record
 }
 
-/// Whether the memory has kept its content since the previous run; to be called before [`take`].
+/// Whether the memory has retained its content since the previous run; to be called before [`take`].
 #[must_use]
 pub fn has_survived(memory: &[u8; LEN]) -> bool {
     let runs = memory.split_first_chunk::<4>();
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn crash_record_survives_and_is_read_once() {
         let mut memory = [0xA5; LEN];
-        for kind in [CrashKind::Panic, CrashKind::HardFault, CrashKind::Overdue, CrashKind::Asked] {
+        for kind in [CrashKind::Panic, CrashKind::HardFault, CrashKind::Overdue, CrashKind::Requested] {
             write(&mut memory, kind, |text| {
                 text.push("index out of bounds at src/x.rs:12");
             });

@@ -92,7 +92,7 @@ unsafe fn LPUART1() {
     unsafe { LOW.on_interrupt() }
 }
 
-type FrontEnd = AdcSampler<
+type NucleoFrontEnd = AdcSampler<
     Mcp3208<
         ExclusiveDevice<
             Spi<'static, Async, spi::mode::Master>,
@@ -131,7 +131,7 @@ static SESSION: StaticCell<UpdateSession> = StaticCell::new();
 static RECORDS: StaticCell<FlashStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
 static SENSORS_MEMORY: StaticCell<SensorsMemory> = StaticCell::new();
-static FRONT_END: StaticCell<FrontEnd> = StaticCell::new();
+static FRONT_END: StaticCell<NucleoFrontEnd> = StaticCell::new();
 static ESTIMATOR: StaticCell<Estimator> = StaticCell::new();
 static PUBLISHER: StaticCell<Publisher> = StaticCell::new();
 
@@ -140,7 +140,7 @@ async fn sample(
     shared: &'static SharedState,
     start: Instant,
     params: &'static SensorsParams,
-    front_end: &'static mut FrontEnd,
+    front_end: &'static mut NucleoFrontEnd,
     memory: &'static mut SensorsMemory,
 ) {
     run_sample(shared, start, params, front_end, memory).await
@@ -232,7 +232,7 @@ fn sensors() -> &'static SensorsParams {
 
 /// Converter and timer.
 #[inline(never)]
-fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
+fn front_end(pins: FrontEndPins) -> &'static mut NucleoFrontEnd {
     let mut config = spi::Config::default();
     config.frequency = ADC_CLOCK;
     let (sck, mosi, miso) = pins.spi_pins;

@@ -17,7 +17,7 @@ fn request_frame(request: &Request<'_>) -> Vec<u8> {
     out
 }
 
-fn sample(random: &mut Random) -> Sample {
+fn sample(random: &mut SplitMix64) -> Sample {
     let time = Micros(random.next() >> random.below(64));
     let mut sample = Sample::empty(time);
     sample.pump_speed = Reading::new(time, RevPerMin(f32::from_bits(random.next() as u32)));
@@ -27,9 +27,9 @@ fn sample(random: &mut Random) -> Sample {
 }
 
 /// SplitMix64 generator: the same cases in every run.
-struct Random(u64);
+struct SplitMix64(u64);
 
-impl Random {
+impl SplitMix64 {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -95,7 +95,7 @@ fn examples_of_the_documentation_hold() {
 
 #[test]
 fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_oracle() {
-    let mut random = Random(1);
+    let mut random = SplitMix64(1);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     let record = [0x5A; 500];
     let mut decoded: u32 = 0;
@@ -152,7 +152,7 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
 
 #[test]
 fn every_valid_frame_behind_garbage_is_decoded() {
-    let mut random = Random(2);
+    let mut random = SplitMix64(2);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     for _ in 0..20_000 {
         let garbage = random.below(40);

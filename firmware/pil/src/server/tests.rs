@@ -33,17 +33,17 @@ impl Board for TestBoard {
 }
 
 /// Line that returns `piece` bytes at a time and then closes; like semihosting, only when all is answered.
-struct Memory<'a> {
+struct MemoryLine<'a> {
     bytes: &'a [u8],
     piece: usize,
     in_flight: Option<&'a InFlight<NoopRawMutex>>,
 }
 
-impl ErrorType for Memory<'_> {
+impl ErrorType for MemoryLine<'_> {
     type Error = ErrorKind;
 }
 
-impl Read for Memory<'_> {
+impl Read for MemoryLine<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
         if let Some(in_flight) = self.in_flight {
             in_flight.wait_idle().await;
@@ -57,13 +57,13 @@ impl Read for Memory<'_> {
 }
 
 #[derive(Default)]
-struct Written(Vec<u8>);
+struct WrittenBytes(Vec<u8>);
 
-impl ErrorType for Written {
+impl ErrorType for WrittenBytes {
     type Error = ErrorKind;
 }
 
-impl Write for Written {
+impl Write for WrittenBytes {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         self.0.extend_from_slice(bytes);
         Ok(bytes.len())
@@ -87,9 +87,9 @@ fn frames(requests: &[Request<'_>]) -> Vec<u8> {
 /// Responses of the firmware to `bytes`, read `piece` at a time.
 fn answers(bytes: &[u8], piece: usize, blocking: bool) -> Vec<Response<std::string::String>> {
     let channels = ServerChannels::<NoopRawMutex>::new();
-    let mut written = Written::default();
+    let mut written = WrittenBytes::default();
     let in_flight = blocking.then_some(&channels.in_flight);
-    let mut line = Memory { bytes, piece, in_flight };
+    let mut line = MemoryLine { bytes, piece, in_flight };
     let mut chunk = [0; 64];
     block_on(select4(
         run_link_out(&channels, &mut written),
@@ -163,9 +163,9 @@ fn invalid_record_is_rejected_and_counted() {
 #[test]
 fn shutdown_is_answered_before_the_link_ends() {
     let channels = ServerChannels::<NoopRawMutex>::new();
-    let mut written = Written::default();
+    let mut written = WrittenBytes::default();
     let bytes = frames(&[Request::Shutdown]);
-    let mut line = Memory { bytes: &bytes, piece: 64, in_flight: Some(&channels.in_flight) };
+    let mut line = MemoryLine { bytes: &bytes, piece: 64, in_flight: Some(&channels.in_flight) };
     let mut chunk = [0; 64];
     let end = block_on(select4(
         run_link_out(&channels, &mut written),

@@ -34,13 +34,13 @@ fn counts(mpa: f64) -> AdcCounts {
     AdcCounts::new((409.6 + 100.0 * mpa).round() as u16).unwrap()
 }
 
-struct Bench {
+struct AnalogBench {
     params: AnalogParams<Megapascal>,
     state: AnalogState,
     ms: u64,
 }
 
-impl Bench {
+impl AnalogBench {
     fn new() -> Self {
         let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &CONFIG).unwrap();
         Self { params, state: AnalogState::new(), ms: 0 }
@@ -82,12 +82,12 @@ impl Bench {
 
 #[test]
 fn live_signal_is_read_and_filtered() {
-    let mut bench = Bench::new();
+    let mut bench = AnalogBench::new();
     bench.run(500, 20.0);
     // The five noise values have zero mean; the filter leaves a fifth of a count.
     assert!((bench.reading().unwrap() - 20.0).abs() < 0.01, "{:?}", bench.reading());
     // A step within the permitted rate: 63 % after a time constant of 20 ms.
-    let at = |bench: &mut Bench, ms| {
+    let at = |bench: &mut AnalogBench, ms| {
         bench.run(ms, 20.9);
         bench.reading().unwrap()
     };
@@ -111,7 +111,7 @@ fn every_failure_is_reported_and_healed_within_the_specified_time() {
         (Fault::Rate, 135, std::boxed::Box::new(|ms| Ok(counts(if ms % 2 == 0 { 20.0 } else { 28.0 })))),
     ];
     for (fault, within_ms, mut feed) in failures {
-        let mut bench = Bench::new();
+        let mut bench = AnalogBench::new();
         bench.run(500, 20.0);
         let ms = bench.time_to(&mut feed, |reading| reading.is_err());
         assert_eq!(bench.reading(), Err(fault));
@@ -130,7 +130,7 @@ fn every_failure_is_reported_and_healed_within_the_specified_time() {
 
 #[test]
 fn jump_beyond_the_machines_rate_is_rejected_and_then_accepted() {
-    let mut bench = Bench::new();
+    let mut bench = AnalogBench::new();
     bench.run(500, 10.0);
     // 15 MPa further: 28 ms at 500 MPa/s and 1 MPa of band, which is shorter than the debounce.
     for ms in 1..=27 {
@@ -144,7 +144,7 @@ fn jump_beyond_the_machines_rate_is_rejected_and_then_accepted() {
 
 #[test]
 fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_good_one() {
-    let mut bench = Bench::new();
+    let mut bench = AnalogBench::new();
     bench.run(500, 20.0);
     let good = bench.state.reading::<Megapascal>();
     for _ in 0..49 {
@@ -156,7 +156,7 @@ fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_goo
 
 #[test]
 fn constant_signal_at_rest_is_not_stuck() {
-    let mut bench = Bench::new();
+    let mut bench = AnalogBench::new();
     for ms in 1..5000 {
         bench.state.observe(&bench.params, Micros(ms * 1000), Ok(counts(0.0)), false);
     }
@@ -165,7 +165,7 @@ fn constant_signal_at_rest_is_not_stuck() {
 
 #[test]
 fn before_the_first_conversion_the_reading_is_missing() {
-    assert_eq!(Bench::new().reading(), Err(Fault::Missing));
+    assert_eq!(AnalogBench::new().reading(), Err(Fault::Missing));
 }
 
 #[test]
@@ -190,7 +190,7 @@ proptest! {
     fn prop_whatever_comes_the_reading_is_finite_in_range_and_never_from_the_future(
         feed in prop::collection::vec((any::<Option<u16>>(), 0..5_000_u64, any::<bool>()), 1..400),
     ) {
-        let mut bench = Bench::new();
+        let mut bench = AnalogBench::new();
         let mut now = 1_000_000_u64;
         let feed: Vec<_> = feed;
         for (raw, step, live) in feed {
@@ -211,7 +211,7 @@ proptest! {
 fn persistent_jump_is_a_fault_until_the_quantity_could_have_moved_there() {
     let config = AnalogConfig { max_rate_per_s: 20.0, return_rate_per_s: Some(2.0), ..CONFIG };
     let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap();
-    let mut bench = Bench { params, ..Bench::new() };
+    let mut bench = AnalogBench { params, ..AnalogBench::new() };
     bench.run(500, 5.0);
     // 9 MPa at 2 MPa/s minus a noise band of 1 MPa takes 4 s; then half of that to heal, as always.
     bench.run(100, 14.0);

@@ -7,20 +7,12 @@ use kou_estimator::{Fault, Reading};
 use proptest::prelude::*;
 
 use super::wheel::Wheel;
-use crate::sensors::debounce::DebounceConfig;
 use crate::sensors::pickup::{Edges, PickupConfig, PickupParams, PickupState};
+use crate::sensors::wiring;
 
-const CONFIG: PickupConfig = PickupConfig {
-    teeth: 60,
-    gap_teeth: 0,
-    max_rpm: 3500.0,
-    counter_hz: 10_000_000,
-    window_ms: 50,
-    zero_ms: 500,
-    debounce: DebounceConfig { confirm: 60, heal: 600 },
-};
+const CONFIG: PickupConfig = wiring::REFERENCE.pump;
 
-struct Bench {
+struct PickupBench {
     params: PickupParams,
     state: PickupState,
     wheel: Wheel,
@@ -28,7 +20,7 @@ struct Bench {
     ms: u64,
 }
 
-impl Bench {
+impl PickupBench {
     fn new(config: &PickupConfig, offset: u32) -> Self {
         Self {
             params: PickupParams::new(config).unwrap(),
@@ -73,7 +65,7 @@ fn speed_is_accurate_from_crawling_to_full_speed() {
     // Slowest first: 3 r/min is one tooth per 333 ms.
     for rpm in [3.0, 10.0, 60.0, 300.0, 999.23, 2000.0, 3000.0, 3499.0] {
         // Starts just before the counter wraps.
-        let mut bench = Bench::new(&CONFIG, u32::MAX - 50_000_000);
+        let mut bench = PickupBench::new(&CONFIG, u32::MAX - 50_000_000);
         let reading = bench.run(8_000, rpm);
         let value = f64::from(reading.value.unwrap());
         // Two stamps of 0.1 us over at least the window of 50 ms, or over a pitch if that is longer.
@@ -85,7 +77,7 @@ fn speed_is_accurate_from_crawling_to_full_speed() {
 
 #[test]
 fn shaft_that_never_turned_is_at_standstill_after_zero_ms_and_unknown_before() {
-    let mut bench = Bench::new(&CONFIG, 7);
+    let mut bench = PickupBench::new(&CONFIG, 7);
     assert_eq!(bench.reading().value, Err(Fault::Missing));
     assert_eq!(bench.run(500, 0.0).value, Err(Fault::Missing));
     assert_eq!(bench.run(2, 0.0).value, Ok(0.0));
@@ -94,7 +86,7 @@ fn shaft_that_never_turned_is_at_standstill_after_zero_ms_and_unknown_before() {
 #[test]
 fn shaft_that_stops_at_once_reads_zero_in_time_and_falls_until_then() {
     for rpm in [60.0, 1000.0, 3000.0] {
-        let mut bench = Bench::new(&CONFIG, 0);
+        let mut bench = PickupBench::new(&CONFIG, 0);
         bench.run(4_000, rpm);
         let mut last = bench.reading().value.unwrap();
         let mut stood = 0;
@@ -117,7 +109,7 @@ fn reference_gap_is_counted_and_is_no_fault() {
     for gap_teeth in 1..=3 {
         let config = PickupConfig { gap_teeth, ..CONFIG };
         for rpm in [300.0, 1000.0, 3000.0] {
-            let mut bench = Bench::new(&config, 0);
+            let mut bench = PickupBench::new(&config, 0);
             bench.run(2_000, rpm);
             for _ in 0..1_000 {
                 let value = f64::from(bench.step(rpm, |_| {}).value.unwrap());
@@ -131,7 +123,7 @@ fn reference_gap_is_counted_and_is_no_fault() {
 fn single_glitches_and_lost_edges_do_not_change_the_speed() {
     // Positions of a glitch within a pitch, and edges lost one by one, two by two.
     for place in [0.02, 0.2, 0.45, 0.55] {
-        let mut bench = Bench::new(&CONFIG, 0);
+        let mut bench = PickupBench::new(&CONFIG, 0);
         bench.run(2_000, 1000.0);
         let mut worst: f64 = 0.0;
         for ms in 0..5_000 {
@@ -156,7 +148,7 @@ fn single_glitches_and_lost_edges_do_not_change_the_speed() {
 
 #[test]
 fn glitch_late_in_a_pitch_changes_the_speed_by_less_than_a_pitch_of_the_window() {
-    let mut bench = Bench::new(&CONFIG, 0);
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(2_000, 1000.0);
     let mut worst: f64 = 0.0;
     for ms in 0..5_000 {
@@ -175,7 +167,7 @@ fn glitch_late_in_a_pitch_changes_the_speed_by_less_than_a_pitch_of_the_window()
 
 #[test]
 fn chattering_pickup_is_a_fault_and_heals() {
-    let mut bench = Bench::new(&CONFIG, 0);
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(2_000, 1000.0);
     let mut named = 0;
     for ms in 1..=500 {
@@ -199,7 +191,7 @@ fn chattering_pickup_is_a_fault_and_heals() {
 #[test]
 fn shaft_that_spins_up_is_followed() {
     // From rest to 1900 r/min in 100 ms, as a motor does at a swash step; then constant.
-    let mut bench = Bench::new(&CONFIG, 0);
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(600, 0.0);
     for ms in 1..=100 {
         let rpm = 19.0 * f64::from(ms);
@@ -215,13 +207,13 @@ fn shaft_that_spins_up_is_followed() {
 
 #[test]
 fn speed_above_the_maximum_is_out_of_range() {
-    let mut bench = Bench::new(&CONFIG, 0);
+    let mut bench = PickupBench::new(&CONFIG, 0);
     assert_eq!(bench.run(2_000, 3600.0).value, Err(Fault::OutOfRange));
 }
 
 #[test]
 fn edges_lost_by_the_board_preserve_the_last_speed_with_its_time() {
-    let mut bench = Bench::new(&CONFIG, 0);
+    let mut bench = PickupBench::new(&CONFIG, 0);
     let before = bench.run(2_000, 1000.0);
     let mut edges = Edges::new();
     edges.overrun();
@@ -269,7 +261,7 @@ proptest! {
         gap_teeth in 0..=2_u8,
     ) {
         let config = PickupConfig { gap_teeth, ..CONFIG };
-        let mut bench = Bench::new(&config, offset);
+        let mut bench = PickupBench::new(&config, offset);
         let mut random = seed | 1;
         let mut next = move || {
             // xorshift64 (Marsaglia): cheap and repeatable.

@@ -42,7 +42,7 @@ const ADDRESS: u8 = 0x8C;
 const OUTPUT_CYCLES: u32 = 10;
 const STATS_CYCLES: u32 = 1000;
 
-type FrontEnd = AdcSampler<Mcp3208<EmulatedSpi>, EmulatedTimer<fn(&mut TickReport)>>;
+type QemuFrontEnd = AdcSampler<Mcp3208<EmulatedSpi>, EmulatedTimer<fn(&mut TickReport)>>;
 
 type ControllerStorageTask = StorageTask<'static, EmulatedFlash, HostKey>;
 
@@ -59,7 +59,7 @@ static FIRST: ConstStaticCell<[u8; MAX_LEN]> = ConstStaticCell::new([0; MAX_LEN]
 async fn sample(
     start: Instant,
     params: &'static SensorsParams,
-    mut front_end: FrontEnd,
+    mut front_end: QemuFrontEnd,
     memory: &'static mut SensorsMemory,
 ) {
     run_sample(&CONTROLLER, start, params, &mut front_end, memory).await

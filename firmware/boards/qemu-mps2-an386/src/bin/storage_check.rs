@@ -17,9 +17,9 @@ use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;
 
-type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+type SelfTestFlash = RamFlash<{ MIN_BYTES as usize }, 2048>;
 
-fn store(flash: Flash) -> Store<Flash> {
+fn store(flash: SelfTestFlash) -> Store<SelfTestFlash> {
     match Store::new(flash, 0..MIN_BYTES) {
         Ok(store) => store,
         Err(_) => panic!("the region cannot be used"),
@@ -42,7 +42,10 @@ fn faults(at: u32) -> FaultMemory {
 }
 
 /// Interrupts the power at every byte of a write; returns the number of interruptions.
-fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), StoreError>) -> usize {
+fn cut_everywhere(
+    base: &SelfTestFlash,
+    write: impl Fn(&mut Store<SelfTestFlash>) -> Result<(), StoreError>,
+) -> usize {
     let mut whole = store(base.clone());
     let before = whole.flash().worked();
     assert!(write(&mut whole).is_ok());
@@ -69,7 +72,7 @@ fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), 
 #[entry]
 fn main() -> ! {
     QemuMps2An386::init();
-    let mut base = store(Flash::new());
+    let mut base = store(SelfTestFlash::new());
     assert!(block_on(base.write(&life(1))).is_ok() && block_on(base.write(&faults(1))).is_ok());
     let base = base.into_flash();
     let lives = cut_everywhere(&base, |store| block_on(store.write(&life(2))));
