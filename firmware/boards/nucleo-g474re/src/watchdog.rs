@@ -20,7 +20,7 @@ use crate::backtrace::{self, CodeFlash};
 const WATCHDOG_US: u32 = 500_000;
 
 #[allow(unsafe_code, reason = "start-up must leave this memory alone, which its section says")]
-#[unsafe(link_section = ".uninit.note")]
+#[unsafe(link_section = ".uninit.crash_record")]
 static mut CRASH_RECORD: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
 
 /// Exclusive access to the crash record's memory for the duration of a closure, with interrupts off.
