@@ -5,13 +5,13 @@
 pub mod samples;
 
 use kou_estimator::calibration::{
-    Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges, record,
+    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges, record,
 };
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::calibration::HealthConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,
@@ -36,7 +36,7 @@ pub fn reference_calibration() -> Calibration {
         machine: MachineConfig {
             name: text("reference 300"),
             serial: text("e2e-1"),
-            output: Output::Motor,
+            output: OutputSensor::Motor,
             pump_pistons: 9,
             motor_pistons: 9,
             pump_displacement: CubicCentimetrePerRev(300.0),
@@ -76,7 +76,7 @@ pub fn reference_calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.0015),
-            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
+            covariance_factor: LawCovarianceFactor { first: [1e-3; 10], third: [5e-4; 8], ..LawCovarianceFactor::ZERO },
         },
         region: RegionConfig::around(corners, 0.01),
         sensor_errors: SensorErrors {
@@ -104,7 +104,7 @@ pub fn reference_calibration() -> Calibration {
             rated_speed: RevPerMin(2000.0),
             rated_pressure: Megapascal(30.0),
             rated_temperature: Celsius(55.0),
-            ..HealthConfig::USUAL
+            ..HealthConfig::DEFAULT
         },
         provenance: Provenance {
             tool: text("end-to-end test"),
@@ -119,8 +119,8 @@ pub fn reference_calibration() -> Calibration {
 /// The binary record of a calibration.
 #[must_use]
 pub fn record_of(calibration: &Calibration) -> Vec<u8> {
-    let mut bytes = vec![0; record::MAX_LEN];
-    let len = record::encode(calibration, &mut bytes).expect("every calibration fits a record");
+    let mut bytes = vec![0; record::calibration::MAX_LEN];
+    let len = record::calibration::encode(calibration, &mut bytes).expect("every calibration fits a record");
     bytes.truncate(len);
     bytes
 }

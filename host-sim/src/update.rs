@@ -13,7 +13,7 @@ use kou_app::j1939::{Frame, Id};
 use kou_app::update::provision::KEY_LEN;
 use kou_app::update::{Key, UpdateTransfer};
 use kou_estimator::Calibration;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use crate::input::InputError;
 
@@ -76,8 +76,8 @@ pub fn frames(
     key: &Key,
     addresses: Addresses,
 ) -> Result<Vec<Frame>, InputError> {
-    let mut buffer = [0; record::MAX_LEN];
-    let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+    let mut buffer = [0; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
     let bytes = buffer.get(..length).unwrap_or_default();
     let transfer = UpdateTransfer::new(bytes, counter, key).map_err(|e| InputError::new(e.to_string()))?;
     let id = Id::new(UPDATE_COMMAND.priority, UPDATE_COMMAND.pgn, addresses.controller, addresses.tool);

@@ -6,7 +6,7 @@ use host_sim::calibration::SensorClass;
 use host_sim::evaluate::{Course, Event, Looks, Run, Setting, Share, Tally, World, faults};
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
-use kou_estimator::{Calibration, State, state_record, step};
+use kou_estimator::{Calibration, State, record, step};
 use support::{Folder, calibrated};
 
 fn set_up() -> (Setting, Calibration) {
@@ -164,16 +164,16 @@ fn saving_and_restoring_at_any_sample_changes_no_bit_of_what_follows() {
     let setting = setting();
     let mut world = World::new(&setting.params, setting.limits, setting.class, setting.misfit, 7);
     let (mut straight, mut restored) = (State::new(), State::new());
-    let mut bytes = [0_u8; state_record::MAX_LEN];
+    let mut bytes = [0_u8; record::state::MAX_LEN];
     let mut largest = 0;
     for i in 0..40_000 {
         if i == 20_000 {
             world.schedule(world.time_s(), Event::Leak { share: 0.5, within_s: 30.0 });
         }
         let (sample, _) = world.advance();
-        let length = state_record::encode(&restored, CALIBRATION, &mut bytes).unwrap();
+        let length = record::state::encode(&restored, CALIBRATION, &mut bytes).unwrap();
         largest = largest.max(length);
-        restored = state_record::decode(&bytes[..length], CALIBRATION).unwrap();
+        restored = record::state::decode(&bytes[..length], CALIBRATION).unwrap();
         let one = step(&setting.params, &mut straight, &sample);
         let two = step(&setting.params, &mut restored, &sample);
         assert_eq!(one, two);
@@ -240,19 +240,19 @@ fn prop_a_hundred_million_hostile_samples_leave_the_state_sound() {
 
 #[test]
 fn a_damaged_or_foreign_saved_state_is_refused() {
-    let mut bytes = [0_u8; state_record::MAX_LEN];
-    let length = state_record::encode(&State::new(), CALIBRATION, &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::state::MAX_LEN];
+    let length = record::state::encode(&State::new(), CALIBRATION, &mut bytes).unwrap();
     let good = &bytes[..length];
     for i in 0..length {
         for bit in 0..8 {
             let mut bad = good.to_vec();
             bad[i] ^= 1 << bit;
-            assert!(state_record::decode(&bad, CALIBRATION).is_err(), "bit {bit} of byte {i}");
+            assert!(record::state::decode(&bad, CALIBRATION).is_err(), "bit {bit} of byte {i}");
         }
-        assert!(state_record::decode(&good[..i], CALIBRATION).is_err());
+        assert!(record::state::decode(&good[..i], CALIBRATION).is_err());
     }
     assert_eq!(
-        state_record::decode(good, CALIBRATION + 1),
-        Err(state_record::StateError::OtherCalibration(CALIBRATION))
+        record::state::decode(good, CALIBRATION + 1),
+        Err(record::state::StateError::OtherCalibration(CALIBRATION))
     );
 }

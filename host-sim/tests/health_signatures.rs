@@ -7,7 +7,7 @@ mod support;
 
 use host_sim::calibration::read_checked;
 use kou_estimator::health::Cause;
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
 use support::{Folder, calibrated};
@@ -103,7 +103,7 @@ fn regressed(params: &Params, at: Read) -> Vec<f64> {
         sample.oil_temperature = Reading::new(time, Celsius(at[3]));
         sample.displacement = Reading::new(time, Ratio(at[4]));
         let estimate = step(params, &mut state, &sample);
-        assert!(estimate.seen.is_ok(), "{at:?}: {estimate:?}");
+        assert!(estimate.observed.is_ok(), "{at:?}: {estimate:?}");
     }
     assert_eq!(state.health().last_change().map(|change| change.step), Some(true), "the leak must be found");
     let saved = serde_json::to_value(state.health()).unwrap();

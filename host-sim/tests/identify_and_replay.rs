@@ -2,7 +2,7 @@
 
 mod support;
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use support::{Folder, failure, host_sim, json, root};
 
 const MACHINE: &str = "host-sim/machines/reference.toml";
@@ -174,7 +174,7 @@ fn prop_every_finite_f32_survives_the_toml_form() {
     let good = host_sim::calibration::read(&folder.path("cal.toml")).unwrap();
     // A multiplicative walk through the bit patterns: 20 000 values of every exponent and sign.
     let mut bits = 1_u32;
-    let mut buffer = [0_u8; record::MAX_LEN];
+    let mut buffer = [0_u8; record::calibration::MAX_LEN];
     for _ in 0..2_000 {
         let mut calibration = good.clone();
         for slot in [
@@ -191,9 +191,9 @@ fn prop_every_finite_f32_survives_the_toml_form() {
         let file = host_sim::input::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
         let back = host_sim::calibration::from_toml(&file).unwrap();
         // By their records, so that the sign of zero counts.
-        let length = record::encode(&calibration, &mut buffer).unwrap();
+        let length = record::calibration::encode(&calibration, &mut buffer).unwrap();
         let wanted = buffer[..length].to_vec();
-        let length = record::encode(&back, &mut buffer).unwrap();
+        let length = record::calibration::encode(&back, &mut buffer).unwrap();
         assert_eq!(wanted, buffer[..length]);
     }
 }

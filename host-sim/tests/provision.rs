@@ -6,7 +6,7 @@ use std::path::Path;
 
 use kou_app::update::{Key, provision};
 use kou_estimator::Calibration;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use support::{Folder, calibrated, failure, host_sim};
 
 /// As a random number generator would give them: neither text nor one byte repeated.
@@ -35,7 +35,7 @@ fn page(calibration: Option<&Path>, key: Option<&Path>, out: &Path) -> [u8; prov
 
 /// The calibration that the controller finds in a page.
 fn decoded(page: &[u8; provision::LEN]) -> Option<Calibration> {
-    provision::calibration(page).map(|bytes| record::decode(bytes).unwrap())
+    provision::calibration(page).map(|bytes| record::calibration::decode(bytes).unwrap())
 }
 
 #[test]

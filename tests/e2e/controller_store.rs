@@ -32,7 +32,7 @@ use kou_app::update::{Key, KeySource, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::Micros;
 use kou_tests::samples::learned;
 use kou_tests::{record_of, reference_calibration, reference_params};

@@ -11,7 +11,7 @@ use kou_tests::{pil_options, record_of, reference_calibration, reference_params,
 const SAMPLES: usize = 200_000;
 
 fn name_of(estimate: &Estimate) -> String {
-    let reason = match (&estimate.expected, &estimate.seen) {
+    let reason = match (&estimate.expected, &estimate.observed) {
         (Ok(_), Ok(_)) => return "valid".into(),
         (_, Err(reason)) | (Err(reason), _) => reason,
     };

@@ -1,7 +1,7 @@
 //! The link to the firmware in QEMU: what is damaged is answered and never obeyed, what is refused is refused by name.
 
 use host_sim::pil::{Line, PilError, PilOptions, Session, frame, run, same_bits};
-use kou_estimator::calibration::record::RecordError;
+use kou_estimator::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
 use kou_estimator::{Params, State, step};
 use kou_pil::link::{CalibrationRejection, ErrorKind, FieldProblem, FrameError, Request, Response};
@@ -78,7 +78,7 @@ fn qemu_each_kind_of_bad_frame_has_its_own_error_and_counter() {
     // Payloads with a good CRC, and bytes that are no frame; worked out by hand from docs/link.md.
     let with_crc = |payload: &[u8]| {
         let mut body = payload.to_vec();
-        body.extend(kou_estimator::calibration::record::crc32(payload).to_le_bytes());
+        body.extend(kou_estimator::record::crc32(payload).to_le_bytes());
         let mut bytes = vec![0; 64];
         let len = kou_pil::link::cobs::encode(&body, &mut bytes).expect("fits");
         bytes.truncate(len);

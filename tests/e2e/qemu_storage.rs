@@ -2,7 +2,7 @@
 
 use host_sim::pil::{PilOptions, run_to_end};
 use kou_emulation::examples;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_tests::set_up;
 
 #[test]

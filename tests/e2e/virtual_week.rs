@@ -152,7 +152,7 @@ impl Publish for Told<'_> {
         sample: Option<&Sample>,
     ) {
         match estimate {
-            Ok(estimate) if estimate.seen.is_ok() => raise(&self.seen.valid),
+            Ok(estimate) if estimate.observed.is_ok() => raise(&self.seen.valid),
             Ok(_) => raise(&self.seen.invalid),
             Err(_) => raise(&self.seen.none),
         }

@@ -93,7 +93,7 @@ fn record_that_is_too_long_is_rejected_and_the_previous_one_remains() {
         assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(good)));
         let longest = StoredCalibration {
             counter: u32::MAX,
-            record: &long[..kou_estimator::calibration::record::MAX_LEN],
+            record: &long[..kou_estimator::record::calibration::MAX_LEN],
         };
         store.write(&longest).await.unwrap();
         assert_eq!(store.read::<StoredCalibration<'_>>().await, Ok(Some(longest)));

@@ -50,7 +50,7 @@ pub struct LawConfig {
     #[serde(rename = "residual_se")]
     pub residual_se: LeakageCoefficient,
     /// Standard errors and correlation of the ten coefficients.
-    pub error_root: LawErrorRoot,
+    pub covariance_factor: LawCovarianceFactor,
 }
 
 /// The coefficients' covariance, by the few directions that matter over the envelope: `R^T R` and a rest.
@@ -61,7 +61,7 @@ pub struct LawConfig {
 /// to it. Ten rows would be exact and cost a third of a step; `docs/law.md` says how the four are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LawErrorRoot {
+pub struct LawCovarianceFactor {
     /// First row: all ten terms.
     pub first: [f32; 10],
     /// Second row: from x on.
@@ -74,7 +74,7 @@ pub struct LawErrorRoot {
     pub rest: LeakageCoefficient,
 }
 
-impl LawErrorRoot {
+impl LawCovarianceFactor {
     /// Coefficients that are known exactly.
     pub const NONE: Self = Self {
         first: [0.0; 10],

@@ -112,7 +112,7 @@ impl Compression {
     /// taken for the nearest end. For `low` above `high` the result is negative.
     #[inline(always)]
     #[must_use]
-    pub fn lost_fraction(&self, low: MegapascalAbs, high: MegapascalAbs, oil: Celsius) -> f32 {
+    pub fn compression_loss(&self, low: MegapascalAbs, high: MegapascalAbs, oil: Celsius) -> f32 {
         let (air_low, oil_low_mpa) = self.air_and_oil(low);
         let (air_high, oil_high_mpa) = self.air_and_oil(high);
         let y = (air_low - air_high) + (oil_high_mpa - oil_low_mpa) * self.slope_per_mpa(oil);

@@ -95,7 +95,7 @@ pub struct Balance {
     /// In the pump's chambers when they change over to the high line, per pump revolution.
     carried_cm3: f32,
     /// Lost fraction of compression.
-    lost_fraction: f32,
+    compression_loss: f32,
 }
 
 impl ReducedModel {
@@ -114,7 +114,7 @@ impl ReducedModel {
     #[must_use]
     pub fn balance(&self, at: &OperatingPoint) -> Balance {
         let k = &self.config;
-        let chi = self.compression.lost_fraction(
+        let chi = self.compression.compression_loss(
             at.low_pressure.to_absolute(),
             at.high_pressure.to_absolute(),
             at.oil_temperature,
@@ -136,7 +136,7 @@ impl ReducedModel {
             leakage_l_min_per_kou,
             sign: 1.0_f32.copysign(at.displacement.get()),
             carried_cm3,
-            lost_fraction: chi,
+            compression_loss: chi,
         }
     }
 
@@ -213,13 +213,13 @@ impl Balance {
     #[inline(always)]
     #[must_use]
     pub(crate) fn kou_per_displacement(&self, model: &ReducedModel) -> f32 {
-        model.config.pump_displacement.get() * (1.0 - 0.5 * self.lost_fraction) / self.g_cm3_per_kou
+        model.config.pump_displacement.get() * (1.0 - 0.5 * self.compression_loss) / self.g_cm3_per_kou
     }
 
     /// Lost fraction of compression `chi`.
     #[inline(always)]
     #[must_use]
-    pub fn lost_fraction(&self) -> Ratio {
-        Ratio(self.lost_fraction)
+    pub fn compression_loss(&self) -> Ratio {
+        Ratio(self.compression_loss)
     }
 }

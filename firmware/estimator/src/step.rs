@@ -128,7 +128,7 @@ fn learn(
         p_h_mpa: at.high_pressure.get(),
         t_b_c: at.oil_temperature.get(),
         alpha: at.displacement.get().abs(),
-        chi: balance.lost_fraction().get(),
+        chi: balance.compression_loss().get(),
     };
     state.takes(params, time, &terms);
 }
@@ -193,12 +193,12 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
 fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Result<Ratio, Reason> {
     let judge = Judge { now: sample.time, max_age_us: params.limits.max_age_us };
     let ratio = match params.output {
-        Output::Motor => {
+        OutputSensor::Motor => {
             let limit = params.ranges.speed_max.get();
             let n_m = judge.value(Channel::MotorSpeed, &sample.motor_speed, |n| n.get().abs() <= limit)?;
             Ratio(n_m.get() / at.pump_speed.get())
         }
-        Output::FlowMeter => {
+        OutputSensor::FlowMeter => {
             let limit = params.ranges.flow_max.get();
             let flow = judge.value(Channel::Flow, &sample.flow, |q| q.get().abs() <= limit)?;
             params.reduced.ratio_of_flow(at, flow)
@@ -218,7 +218,7 @@ fn see(params: &Params, at: &OperatingPoint, balance: &Balance, ratio: Ratio) ->
     }
     let kou_se: LeakageCoefficient =
         kou_standard_error(&params.errors, &params.reduced, balance, at, ratio, kou);
-    Ok(Seen {
+    Ok(Observed {
         ratio,
         kou,
         kou_se,

@@ -28,7 +28,7 @@ pub(crate) fn kou_standard_error(
     let per_mpa = per_chi * model.compression().slope_per_mpa(at.oil_temperature) - kou.get() / to_case_mpa;
     let from_pressure = per_mpa * at.high_pressure.get() * errors.high_pressure_relative;
 
-    let per_kelvin = per_chi * balance.lost_fraction().get() * model.compression().softening_per_k();
+    let per_kelvin = per_chi * balance.compression_loss().get() * model.compression().softening_per_k();
     let from_temperature = per_kelvin * errors.oil_temperature.get();
 
     let from_displacement = balance.kou_per_displacement(model) * errors.displacement.get();

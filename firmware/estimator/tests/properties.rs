@@ -2,8 +2,8 @@
 
 mod common;
 
-use kou_estimator::calibration::{Calibration, record};
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::{Calibration, record};
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::units::*;
 use kou_estimator::{Channel, Estimate, Fault, Params, Reading, Reason, Sample, State, step};
 use proptest::prelude::*;
@@ -159,7 +159,7 @@ fn numbers(estimate: &Estimate) -> Vec<f32> {
             e.leakage.get(),
         ]);
     }
-    if let Ok(s) = estimate.seen {
+    if let Ok(s) = estimate.observed {
         all.extend([
             s.kou.get(),
             s.kou_se.get(),
@@ -186,8 +186,8 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
         for number in numbers(&estimate) {
             assert!(number.is_finite(), "{sample:?} -> {estimate:?}");
         }
-        both += u32::from(estimate.expected.is_ok() && estimate.seen.is_ok());
-        if let Err(reason) = estimate.seen {
+        both += u32::from(estimate.expected.is_ok() && estimate.observed.is_ok());
+        if let Err(reason) = estimate.observed {
             *refused.entry(format!("{reason:?}")).or_insert(0_u32) += 1;
         }
     }
@@ -200,8 +200,8 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
 #[test]
 fn prop_a_million_random_calibrations_are_refused_or_sound() {
     let good = common::calibration();
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&good, &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&good, &mut bytes).unwrap();
     let bytes = &bytes[..length];
     let mut rng = rng();
     let (mut accepted, mut refused_record, mut refused_check) = (0_u32, 0_u32, 0_u32);
@@ -221,7 +221,7 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
         if i % 16 == 1 {
             candidate.truncate(rng.next_u32() as usize % (candidate.len() + 1));
         }
-        let Ok(calibration) = record::decode(&candidate) else {
+        let Ok(calibration) = record::calibration::decode(&candidate) else {
             refused_record += 1;
             continue;
         };
@@ -244,32 +244,32 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
 
 #[test]
 fn every_single_bit_flip_of_a_record_is_refused() {
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&common::calibration(), &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for bit in 0..length * 8 {
         let mut damaged = bytes[..length].to_vec();
         damaged[bit / 8] ^= 1 << (bit % 8);
-        assert!(record::decode(&damaged).is_err(), "bit {bit}");
+        assert!(record::calibration::decode(&damaged).is_err(), "bit {bit}");
     }
 }
 
 #[test]
 fn every_truncation_of_a_record_is_refused() {
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&common::calibration(), &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for cut in 0..length {
-        assert!(record::decode(&bytes[..cut]).is_err(), "{cut}");
+        assert!(record::calibration::decode(&bytes[..cut]).is_err(), "{cut}");
     }
-    assert_eq!(record::decode(&bytes[..=length]), Err(record::RecordError::Excess));
+    assert_eq!(record::calibration::decode(&bytes[..=length]), Err(record::RecordError::Excess));
 }
 
 #[test]
 fn record_returns_every_bit_of_the_calibration() {
     let calibration: Calibration = common::calibration();
-    let mut bytes = [0_u8; record::MAX_LEN];
-    let length = record::encode(&calibration, &mut bytes).unwrap();
+    let mut bytes = [0_u8; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(&calibration, &mut bytes).unwrap();
     println!("record of {length} bytes");
-    assert_eq!(record::decode(&bytes[..length]).unwrap(), calibration);
+    assert_eq!(record::calibration::decode(&bytes[..length]).unwrap(), calibration);
     // Longest strings must fit as well.
     let mut longest = calibration;
     longest.machine.name = core::iter::repeat_n('m', 48).collect();
@@ -280,7 +280,7 @@ fn record_returns_every_bit_of_the_calibration() {
     longest.provenance.bench_crc32 = u32::MAX;
     longest.provenance.machine_crc32 = u32::MAX;
     longest.limits.max_age_us = u32::MAX;
-    let length = record::encode(&longest, &mut bytes).unwrap();
+    let length = record::calibration::encode(&longest, &mut bytes).unwrap();
     println!("longest record of {length} bytes");
 }
 
@@ -302,7 +302,7 @@ fn each_reading_that_fails_gives_its_own_reason_and_recovers() {
         // Without the motor's speed the law still speaks.
         let estimate = run(&|s| s.motor_speed.value = Err(fault));
         assert!(estimate.expected.is_ok());
-        assert_eq!(estimate.seen, Err(Reason::Sensor(Channel::MotorSpeed, fault)));
+        assert_eq!(estimate.observed, Err(Reason::Sensor(Channel::MotorSpeed, fault)));
         assert!(run(&|_| ()).wear_ratio().is_ok());
     }
     type Change<'a> = &'a dyn Fn(&mut Sample);

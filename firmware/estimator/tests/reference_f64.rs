@@ -4,8 +4,8 @@ mod common;
 
 use common::reference::{Machine, Oil};
 use kou_estimator::Params;
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::units::*;
 
 /// Oils from stiff and air-free to soft and foamy: corners of what a calibration may hold.
@@ -28,7 +28,7 @@ fn config(oil: Oil) -> OilConfig {
 }
 
 #[test]
-fn lost_fraction_agrees_with_quadrature_of_the_published_bulk_modulus() {
+fn compression_loss_agrees_with_quadrature_of_the_published_bulk_modulus() {
     let mut worst = 0.0_f64;
     for oil in OILS {
         let model = ReducedModel::new(&common::calibration().reduced, &config(oil)).unwrap();
@@ -37,8 +37,8 @@ fn lost_fraction_agrees_with_quadrature_of_the_published_bulk_modulus() {
                 let high = low + 1.0 + 55.0 * f64::from(i) / 199.0;
                 // The f64 reference must see the very pressures that f32 holds.
                 let (low, high) = (low as f32, high as f32);
-                let exact = oil.lost_fraction(f64::from(low), f64::from(high));
-                let got = model.compression().lost_fraction(
+                let exact = oil.compression_loss(f64::from(low), f64::from(high));
+                let got = model.compression().compression_loss(
                     Megapascal(low).to_absolute(),
                     Megapascal(high).to_absolute(),
                     Celsius(60.0),
@@ -74,7 +74,7 @@ fn ratio_agrees_with_f64_to_1e6_over_the_envelope() {
     let mut worst = 0.0_f64;
     for n in [1000.0_f32, 1500.0, 2000.0, 2800.0] {
         for p in [10.0_f32, 17.3, 30.0, 41.0, 50.0] {
-            let chi = OILS[0].lost_fraction(1.5, f64::from(p));
+            let chi = OILS[0].compression_loss(1.5, f64::from(p));
             for alpha in [-1.0_f32, -0.6, -0.3, 0.3, 0.47, 0.8, 1.0] {
                 for kou in [0.0015_f32, 0.01, 0.058, 0.113, 0.36] {
                     let at = OperatingPoint {
@@ -138,11 +138,11 @@ fn softening_with_temperature_scales_the_oils_share_only() {
     oil.bulk_modulus_per_k = -0.005;
     let soft = ReducedModel::new(&common::calibration().reduced, &oil).unwrap();
     let (low, high) = (Megapascal(1.5).to_absolute(), Megapascal(50.0).to_absolute());
-    let got = f64::from(soft.compression().lost_fraction(low, high, Celsius(90.0)).to_owned());
+    let got = f64::from(soft.compression().compression_loss(low, high, Celsius(90.0)).to_owned());
     // Air's share ln((1+u_L)/(1+u_H)) is untouched; the oil's is divided by 1 - 0.005*30 = 0.85.
     let u = |p: f64| 0.002 * (0.101_325 / (p + 0.101_325)).powf(1.0 / 1.4);
     let air = ((1.0 + u(1.5)) / (1.0 + u(50.0))).ln();
-    let total = -(1.0 - OILS[0].lost_fraction(1.5, 50.0)).ln();
+    let total = -(1.0 - OILS[0].compression_loss(1.5, 50.0)).ln();
     let wanted = 1.0 - (-(air + (total - air) / 0.85)).exp();
     assert!((got - wanted).abs() < 2e-7, "{got} {wanted}");
 }

@@ -1,12 +1,12 @@
 //! Puts a calibration together: what the machine file says, what was fitted, and the sensors' declared errors.
 
 use kou_estimator::Calibration;
-use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::LawConfig;
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::calibration::{Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::calibration::HealthConfig;
+use kou_estimator::model::leakage_law::LawConfig;
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,
@@ -108,8 +108,8 @@ pub fn assemble(
     settings: &Settings,
 ) -> Result<Calibration, InputError> {
     let (output, motor_pistons) = match machine.receiver() {
-        Receiver::Motor(motor) => (Output::Motor, motor.pistons),
-        Receiver::FlowMeter(_) => (Output::FlowMeter, 0),
+        Receiver::Motor(motor) => (OutputSensor::Motor, motor.pistons),
+        Receiver::FlowMeter(_) => (OutputSensor::FlowMeter, 0),
     };
     let text = |what: &str, value: &str, longest: usize| {
         InputError::new(format!("{what} is too long"))
@@ -121,8 +121,8 @@ pub fn assemble(
     let (n_max, p_max) = (law.n_max.get(), law.p_max.get());
     let [speed, flow, pressure, temperature_k] = settings.class.permissible();
     let other = match output {
-        Output::Motor => speed,
-        Output::FlowMeter => flow,
+        OutputSensor::Motor => speed,
+        OutputSensor::FlowMeter => flow,
     };
     // A permissible error is the half-width of a rectangular distribution: its standard deviation is 1/sqrt 3 of it.
     let standard = |permissible: f64| permissible / 3.0_f64.sqrt();

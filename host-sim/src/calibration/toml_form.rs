@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::{Calibration, CalibrationError, Params, Problem};
 use toml::Value;
 
@@ -24,7 +24,7 @@ pub fn to_toml(calibration: &Calibration) -> Result<String, InputError> {
         Value::try_from(calibration).map_err(|e| InputError::new(format!("cannot be written: {e}")))?;
     shorten(&mut value);
     let mut document = toml::map::Map::new();
-    document.insert("schema".into(), Value::Integer(i64::from(record::SCHEMA)));
+    document.insert("schema".into(), Value::Integer(i64::from(record::calibration::SCHEMA)));
     if let Value::Table(table) = value {
         document.extend(table);
     }
@@ -53,14 +53,14 @@ fn shorten(value: &mut Value) {
 pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
     let mut table: toml::Table = file.parse()?;
     match table.remove("schema") {
-        Some(Value::Integer(found)) if found == i64::from(record::SCHEMA) => {}
+        Some(Value::Integer(found)) if found == i64::from(record::calibration::SCHEMA) => {}
         Some(_) => {
-            return Err(file.error_at("schema", "is not known to this version").with_allowed(record::SCHEMA));
+            return Err(file.error_at("schema", "is not known to this version").with_allowed(record::calibration::SCHEMA));
         }
         None => {
             return Err(InputError::new("has no key `schema`")
                 .at_file(file.path())
-                .with_allowed(record::SCHEMA));
+                .with_allowed(record::calibration::SCHEMA));
         }
     }
     // First for the message with line and column, which a parsed table no longer has.
@@ -77,14 +77,14 @@ struct WithSchema {
     #[serde(rename = "schema")]
     _schema: i64,
     machine: kou_estimator::calibration::MachineConfig,
-    oil: kou_estimator::oil::OilConfig,
-    reduced: kou_estimator::reduced::ReducedConfig,
-    law: kou_estimator::law::LawConfig,
-    region: kou_estimator::region::RegionConfig,
+    oil: kou_estimator::model::oil_compression::OilConfig,
+    reduced: kou_estimator::model::flow_balance::ReducedConfig,
+    law: kou_estimator::model::leakage_law::LawConfig,
+    region: kou_estimator::model::calibrated_region::RegionConfig,
     sensor_errors: kou_estimator::calibration::SensorErrors,
     sensor_ranges: kou_estimator::calibration::SensorRanges,
     limits: kou_estimator::calibration::Limits,
-    health: kou_estimator::health::HealthConfig,
+    health: kou_estimator::calibration::HealthConfig,
     provenance: kou_estimator::calibration::Provenance,
 }
 
@@ -116,8 +116,8 @@ pub fn read(path: &Path) -> Result<Calibration, InputError> {
 fn read_with_source(path: &Path) -> Result<(Calibration, Option<TomlFile>), InputError> {
     let bytes =
         std::fs::read(path).map_err(|e| InputError::new(format!("cannot be read: {e}")).at_file(path))?;
-    if bytes.starts_with(&record::MAGIC) {
-        let calibration = record::decode(&bytes).map_err(|e| InputError::new(e.to_string()).at_file(path))?;
+    if bytes.starts_with(&record::calibration::MAGIC) {
+        let calibration = record::calibration::decode(&bytes).map_err(|e| InputError::new(e.to_string()).at_file(path))?;
         return Ok((calibration, None));
     }
     let file = TomlFile::read(path)?;
@@ -156,8 +156,8 @@ fn located(path: &Path, source: Option<&TomlFile>, error: CalibrationError) -> I
 /// When the file cannot be written.
 pub fn write(path: &Path, calibration: &Calibration) -> Result<(), InputError> {
     let bytes = if path.extension().is_some_and(|e| e == "bin") {
-        let mut buffer = [0_u8; record::MAX_LEN];
-        let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+        let mut buffer = [0_u8; record::calibration::MAX_LEN];
+        let length = record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
         buffer.iter().copied().take(length).collect()
     } else {
         to_toml(calibration)?.into_bytes()

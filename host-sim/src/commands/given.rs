@@ -126,7 +126,7 @@ pub(super) fn mapping(path: Option<&Path>) -> Result<Mapping, InputError> {
 fn crc32_of(path: &Path) -> Result<u32, InputError> {
     let bytes =
         std::fs::read(path).map_err(|e| InputError::new(format!("cannot be read: {e}")).at_file(path))?;
-    Ok(kou_estimator::calibration::record::crc32(&bytes))
+    Ok(kou_estimator::record::crc32(&bytes))
 }
 
 /// A number above zero.

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
 
@@ -173,8 +173,8 @@ fn stream(
 
 /// The binary record of a calibration.
 fn record_of(calibration: &Calibration) -> Result<Vec<u8>, InputError> {
-    let mut buffer = vec![0; record::MAX_LEN];
-    let length = record::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+    let mut buffer = vec![0; record::calibration::MAX_LEN];
+    let length = record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
     buffer.truncate(length);
     Ok(buffer)
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use kou_app::update::provision;
 use kou_emulation::provisioning;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::Failure;
 use crate::calibration;
@@ -40,12 +40,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return Err(InputError::new("is one of the inputs and would be lost").at_file(&args.out).into());
     }
     let key = args.key_file.as_deref().map(read_key_bytes).transpose()?;
-    let mut buffer = [0; record::MAX_LEN];
+    let mut buffer = [0; record::calibration::MAX_LEN];
     let record = match &args.calibration {
         Some(path) => {
             let (calibration, _) = calibration::read_checked(path)?;
             let length =
-                record::encode(&calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+                record::calibration::encode(&calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
             buffer.get(..length)
         }
         None => None,

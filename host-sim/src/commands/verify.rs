@@ -3,7 +3,7 @@
 //! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! Points fill the envelope and are none of those to which the surrogate was fitted.
 
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;
@@ -121,7 +121,7 @@ fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compar
     sample.high_pressure = Reading::new(now, point.high_pressure);
     sample.oil_temperature = Reading::new(now, point.oil_temperature);
     sample.displacement = Reading::new(now, point.displacement);
-    let seen = step(params, &mut State::new(), &sample).seen.map_err(|reason| {
+    let seen = step(params, &mut State::new(), &sample).observed.map_err(|reason| {
         InputError::new(format!(
             "the estimator refuses a point of the envelope ({}): {:.0} r/min, {:.1} MPa, {:.0} degC, displacement {:.2}",
             reason_label(reason),

@@ -1,6 +1,6 @@
 //! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
 
-use kou_estimator::health::{Cause, Causes, Health, Stage};
+use kou_estimator::health::{Cause, Causes, Health, DtcStatus};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -177,16 +177,16 @@ impl Journey {
 
     fn judge(&mut self, estimate: &Estimate, course: Option<&Course>) {
         let (health, run) = (&estimate.health, &mut self.run);
-        if estimate.seen.is_ok() {
+        if estimate.observed.is_ok() {
             run.judged_s += PERIOD_S;
             run.gate_open_s += if health.gate.is_ok() { PERIOD_S } else { 0.0 };
             self.since_event_s += if course.is_some() { PERIOD_S } else { 0.0 };
         }
-        let wear = health.wear == Stage::Confirmed;
+        let wear = health.wear == DtcStatus::Confirmed;
         self.causes = health.causes;
         if let Some(course) = course {
             run.wear |= wear;
-            run.sensor |= health.sensor == Stage::Confirmed;
+            run.sensor |= health.sensor == DtcStatus::Confirmed;
             run.misled |= health.causes != Causes::none() && !health.causes.iter().any(|c| c == course.cause);
         } else {
             run.false_wear |= wear;
@@ -210,7 +210,7 @@ impl Journey {
 
 impl Run {
     fn look(&mut self, time_s: f64, point: Option<[f64; 3]>, estimate: &Estimate, level: f64, kou_true: f64) {
-        let (Ok(seen), Some(point)) = (estimate.seen, point) else { return };
+        let (Ok(seen), Some(point)) = (estimate.observed, point) else { return };
         let within = |error: f64, se: f64| error.abs() <= 1.96 * se;
         let time_h = time_s / 3600.0;
         let error = f64::from(seen.kou.get()) - kou_true;

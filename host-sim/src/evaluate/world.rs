@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample};
 

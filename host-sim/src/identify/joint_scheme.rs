@@ -6,8 +6,8 @@
 //! and the rest is fitted again. Last, the surrogate is fitted to the full model of the machine as identified.
 
 use kou_estimator::Params;
-use kou_estimator::law::LawErrorRoot;
-use kou_estimator::region::{Bound, RegionConfig};
+use kou_estimator::model::leakage_law::LawCovarianceFactor;
+use kou_estimator::model::calibrated_region::{Bound, RegionConfig};
 use kou_estimator::units::LeakageCoefficient;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -226,7 +226,7 @@ fn with_solution(mut fit: LawFit, rows: &[Row], solution: &Solution) -> LawFit {
     let freedom = rows.len().saturating_sub(kept.len()).max(1);
     let misfit = (sum / weights * rows.len() as f64 / freedom as f64).sqrt();
     law.residual_se.0 = single(misfit).min(10.0);
-    law.error_root = error_root(&solution.covariance_root, &kept, rows, &fit.region);
+    law.covariance_factor = error_root(&solution.covariance_root, &kept, rows, &fit.region);
     fit.condition_number = solution.condition_number;
     fit
 }
@@ -241,7 +241,7 @@ const REGION_STEPS: usize = 8;
 /// With `F` the terms at the points and all over the region, the right singular vectors `v` of `F A` are the independent errors in
 /// the order of what they do to the law there. The first four make `R`, by a QR decomposition of `(A v)^T`; what the others do
 /// together where they do most is the rest.
-fn error_root(root: &DMatrix<f64>, kept: &[usize], rows: &[Row], region: &RegionConfig) -> LawErrorRoot {
+fn error_root(root: &DMatrix<f64>, kept: &[usize], rows: &[Row], region: &RegionConfig) -> LawCovarianceFactor {
     let mut all = DMatrix::zeros(10, root.ncols());
     for (row, term) in kept.iter().enumerate() {
         all.row_mut(*term).copy_from(&root.row(row));
@@ -275,12 +275,12 @@ fn error_root(root: &DMatrix<f64>, kept: &[usize], rows: &[Row], region: &Region
         let first = 10 - N;
         std::array::from_fn(|j| single(r[(first, first + j)]).clamp(-100.0, 100.0))
     }
-    LawErrorRoot {
+    LawCovarianceFactor {
         first: row(&r),
         second: row(&r),
         third: row(&r),
         fourth: row(&r),
-        rest: LeakageCoefficient(single(rest2.sqrt()).min(10.0)),
+        remainder: LeakageCoefficient(single(rest2.sqrt()).min(10.0)),
     }
 }
 

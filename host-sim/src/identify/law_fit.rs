@@ -1,7 +1,7 @@
 //! Fits the ten coefficients of the law to coefficients of operating points (paper eqs. 9-18).
 
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::region::RegionConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
+use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 use nalgebra::{DMatrix, DVector};
 
@@ -66,7 +66,7 @@ impl LawFit {
                 p_max: Megapascal(single(p_max)),
                 t_max: Celsius(single(t_max)),
                 residual_se: LeakageCoefficient(single(residual_se)),
-                error_root: LawErrorRoot::NONE,
+                covariance_factor: LawCovarianceFactor::ZERO,
             },
             region: RegionConfig::around(points.iter().map(|p| normalised(p).map(single)), REGION_MARGIN),
             dropped: dropped.into_iter().filter_map(|i| TERMS.get(i).copied()).collect(),

@@ -133,7 +133,7 @@ pub fn demand_points(used: usize, refused: &[Refusal]) -> Result<(), InputError>
 #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
 pub fn ratio_by_law(params: &Params, at: &At, low_mpa: f64) -> f64 {
     use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
-    let point = kou_estimator::reduced::OperatingPoint {
+    let point = kou_estimator::model::flow_balance::OperatingPoint {
         pump_speed: RevPerMin(at.n_p_rpm as f32),
         high_pressure: Megapascal(at.p_h_mpa as f32),
         low_pressure: Megapascal(at.p_l_mpa.unwrap_or(low_mpa) as f32),

@@ -5,8 +5,8 @@
 //! it ([`Change`]). The reduced model also gives derivatives, in closed form or by differences; the full model never
 //! needs them (`docs/identification.md`).
 
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::{OperatingPoint, ReducedConfig, ReducedModel};
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedConfig, ReducedModel};
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPerMin};
 
 use crate::calibration::{oil_config, reduced_config};

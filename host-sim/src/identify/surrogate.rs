@@ -5,7 +5,7 @@
 //! squares problem, solved by singular values; its columns are differences of the estimator's own forward model.
 //! Displacements and oil stay as they are: they belong to the machine. `docs/reduced-model.md` says why these five.
 
-use kou_estimator::reduced::ReducedConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use kou_estimator::health::{Cause, Closed, Health, Severity, Stage};
+use kou_estimator::health::{Cause, GateClosed, Health, Severity, DtcStatus};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Params, State};
 use serde::Serialize;
@@ -11,21 +11,21 @@ use super::reason_label;
 
 /// Name of a reason for a closed gate, with that of the sample where it is the sample's.
 #[must_use]
-pub fn gate_label(closed: Closed) -> String {
+pub fn gate_label(closed: GateClosed) -> String {
     match closed {
-        Closed::Sample(reason) => reason_label(reason),
+        GateClosed::Sample(reason) => reason_label(reason),
         _ => closed.name().to_string(),
     }
 }
 
 /// Name of a trouble's stage.
 #[must_use]
-pub const fn stage_name(stage: Stage) -> &'static str {
+pub const fn stage_name(stage: DtcStatus) -> &'static str {
     match stage {
-        Stage::Absent => "absent",
-        Stage::Pending => "pending",
-        Stage::Confirmed => "confirmed",
-        Stage::Healed => "healed",
+        DtcStatus::Absent => "absent",
+        DtcStatus::Pending => "pending",
+        DtcStatus::Confirmed => "confirmed",
+        DtcStatus::Healed => "healed",
     }
 }
 
@@ -114,7 +114,7 @@ impl HealthSummary {
             gate_closed: self.closed.clone(),
             at_rated_point: params.health().severity(health.level),
             level_per_h: state.health().slope().map(|s| pair(s.per_h, s.per_h_se)),
-            remaining_h: state.health().remaining(params).map(|r| pair(r.hours, r.at_least_hours)),
+            remaining_h: state.health().remaining_life(params).map(|r| pair(r.hours, r.at_least_hours)),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use kou_estimator::{Estimate, Expected, Seen};
+use kou_estimator::{Estimate, Expected, Observed};
 
 use super::health::{cause_names, gate_label, stage_name};
 use super::reason_label;
@@ -74,8 +74,8 @@ impl EstimateWriter {
             }
             Err(_) => [const { String::new() }; 5],
         });
-        cells.extend(match estimate.seen {
-            Ok(Seen { ratio, kou, kou_se, volumetric_efficiency, leakage }) => {
+        cells.extend(match estimate.observed {
+            Ok(Observed { ratio, kou, kou_se, volumetric_efficiency, leakage }) => {
                 [kou.get(), kou_se.get(), ratio.get(), volumetric_efficiency.get(), leakage.get()]
                     .map(|v| v.to_string())
             }

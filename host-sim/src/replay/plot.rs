@@ -49,7 +49,7 @@ impl Trace {
 
     /// Adds a sample; samples that were not accepted leave a gap.
     pub fn add(&mut self, time_s: f64, estimate: &Estimate) {
-        let (Ok(seen), Ok(expected)) = (estimate.seen, estimate.expected) else {
+        let (Ok(seen), Ok(expected)) = (estimate.observed, estimate.expected) else {
             self.curves().into_iter().for_each(Columns::interrupt);
             return;
         };

@@ -53,7 +53,7 @@ impl Summary {
     /// Adds one estimate.
     pub fn add(&mut self, estimate: &Estimate) {
         self.samples += 1;
-        match (estimate.wear_ratio(), estimate.expected, estimate.seen) {
+        match (estimate.wear_ratio(), estimate.expected, estimate.observed) {
             (Ok(wear), Ok(expected), Ok(seen)) => {
                 self.accepted += 1;
                 let error = f64::from(expected.ratio.get()) - f64::from(seen.ratio.get());

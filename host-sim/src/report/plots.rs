@@ -102,13 +102,13 @@ fn law(joint: &Identification, n: f64, p: f64, t: f64) -> (f64, f64) {
     let of_coefficients: f64 = joint
         .fit
         .law
-        .error_root
+        .covariance_factor
         .rows()
         .into_iter()
         .map(|row| row.iter().rev().zip(f.iter().rev()).map(|(r, f)| f64::from(*r) * f).sum::<f64>().powi(2))
         .sum();
     let misfit = f64::from(joint.fit.law.residual_se.get());
-    let rest = f64::from(joint.fit.law.error_root.rest.get());
+    let rest = f64::from(joint.fit.law.covariance_factor.remainder.get());
     (evaluate(&joint.fit, &point), (of_coefficients + misfit * misfit + rest * rest).sqrt())
 }
 

@@ -140,7 +140,7 @@ pub fn tail(study: &Study) -> String {
     text += "<h2>Region in which the law holds</h2>\n";
     let (n, p, t) = (law.n_max.get(), law.p_max.get(), law.t_max.get());
     let region = &joint.fit.region;
-    let span = |bound: &kou_estimator::region::Bound, scale: f32, unit: &str| {
+    let span = |bound: &kou_estimator::model::calibrated_region::Bound, scale: f32, unit: &str| {
         format!("{:.0} to {:.0} {unit}", bound.min * scale, bound.max * scale)
     };
     writeln!(

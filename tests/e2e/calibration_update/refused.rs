@@ -2,7 +2,7 @@
 
 use kou_app::update::{NoKey, is_loaded, mac};
 use kou_emulation::ram_flash::Torn;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::{Megapascal, RevPerMin};
 use kou_estimator::{Fault, Reading, Sample};
 
@@ -42,7 +42,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
     let wrong = record_of(&changed(1e6));
     controller.refuses(transfer(&wrong, 6, &key).commands(), RejectReason::Field);
     // Lengths that no record has.
-    for length in [0, 11, record::MAX_LEN as u16 + 1, u16::MAX] {
+    for length in [0, 11, record::calibration::MAX_LEN as u16 + 1, u16::MAX] {
         controller.refuses([UpdateCommand::Begin { length, counter: 6 }], RejectReason::Length);
     }
     // Segments that are missing, twice, or too many; commit too early; no beginning.

@@ -3,7 +3,7 @@
 use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{CommandOutcome, UpdateService};
 use kou_emulation::ram_flash::Torn;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::health::HealthState;
 use kou_tests::reference_params;
 

@@ -3,7 +3,7 @@
 use host_sim::update::{Addresses, candump, frames};
 use kou_app::j1939::node::UPDATE;
 use kou_app::update::NoKey;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::*;
 

@@ -88,7 +88,7 @@ pub fn meaning(
     counter: &mut u8,
 ) -> (&'static Message, Map<String, Value>) {
     let estimate = outputs.estimate;
-    let (expected, seen) = (estimate.expected.ok(), estimate.seen.ok());
+    let (expected, seen) = (estimate.expected.ok(), estimate.observed.ok());
     let n = number;
     let pgn = frame.id().pgn();
     if pgn == c::LEAKAGE.pgn {
@@ -117,13 +117,13 @@ pub fn meaning(
     } else if pgn == c::VALIDITY.pgn {
         *counter = counter.wrapping_add(1);
         let (expected_channel, expected_fault) = sensor_of(estimate.expected.err());
-        let (seen_channel, seen_fault) = sensor_of(estimate.seen.err());
+        let (seen_channel, seen_fault) = sensor_of(estimate.observed.err());
         let wear = estimate.wear_ratio().ok().map(|ratio| ratio.get());
         let signals = meant([
             (&c::EXPECTED_REASON, reason_name(estimate.expected.err())),
             (&c::EXPECTED_CHANNEL, expected_channel),
             (&c::EXPECTED_FAULT, expected_fault),
-            (&c::SEEN_REASON, reason_name(estimate.seen.err())),
+            (&c::SEEN_REASON, reason_name(estimate.observed.err())),
             (&c::SEEN_CHANNEL, seen_channel),
             (&c::SEEN_FAULT, seen_fault),
             (&c::WEAR_RATIO, n(&c::WEAR_RATIO, wear)),
@@ -134,7 +134,7 @@ pub fn meaning(
         let health = outputs.health.unwrap();
         let gate = match health.gate {
             Ok(()) => "block used".to_owned(),
-            Err(kou_estimator::health::Closed::Sample(_)) => "sample not valid".to_owned(),
+            Err(kou_estimator::health::GateClosed::Sample(_)) => "sample not valid".to_owned(),
             Err(closed) => {
                 let text = format!("{closed:?}");
                 let words = text.chars().map(|ch| {

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 use kou_app::diagnostics::FaultMemory;
 use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, UpdateCounter};
-use kou_estimator::calibration::record;
-use kou_estimator::{Calibration, State, state_record};
+use kou_estimator::record;
+use kou_estimator::{Calibration, State, record};
 use serde::Deserialize;
 use shape::Shape;
 
@@ -56,8 +56,8 @@ fn every_record_has_the_layout_that_its_schema_says() {
         of!(OperatingCounters),
         of!(UpdateCounter),
         of!(CrashReport),
-        compare("calibration_record", record::SCHEMA, &shape::of::<Calibration>()),
-        compare("state_record", state_record::SCHEMA, &shape::of::<State>()),
+        compare("calibration_record", record::calibration::SCHEMA, &shape::of::<Calibration>()),
+        compare("state_record", record::state::SCHEMA, &shape::of::<State>()),
     ];
     let wrong: Vec<String> = wrong.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{wrong:#?}");

@@ -4,8 +4,9 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::Params;
-use kou_estimator::calibration::check::CalibrationError;
-use kou_estimator::calibration::{Calibration, MachineConfig, record};
+use kou_estimator::calibration::CalibrationError;
+use kou_estimator::calibration::{Calibration, MachineConfig};
+use kou_estimator::record;
 
 use super::identity::{CalibrationSource, CalibrationState, MachineIdentity};
 use crate::diagnostics::{FaultCode, RejectReason};
@@ -83,7 +84,7 @@ fn prepare(bytes: &[u8], slot: Option<&mut dyn ParamsSlot>) -> Result<MachineIde
 // Not inlined: its temporaries would add to the stack of the parameters' construction.
 #[inline(never)]
 fn decode(bytes: &[u8]) -> Result<Calibration, RejectReason> {
-    record::decode(bytes).map_err(|_| RejectReason::Record)
+    record::calibration::decode(bytes).map_err(|_| RejectReason::Record)
 }
 
 fn live(bytes: &[u8], source: CalibrationSource, slot: &mut dyn ParamsSlot) -> Option<LiveCalibration> {

@@ -23,9 +23,9 @@
 //! Limits: before the level is learned, about a minute of steady drive, its standard error is 0.3 and almost nothing
 //! contradicts it. A change slower than the drift detector of health can distinguish from wear is treated as wear.
 
-use kou_estimator::health::{Change, Health, Stage};
+use kou_estimator::health::{LevelChange, Health, DtcStatus};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Expected, Reason, Seen};
+use kou_estimator::{Estimate, Expected, Reason, Observed};
 
 /// Standard errors of the level within which an observation does not contradict it.
 const LEVEL_SIGMAS: f32 = 2.0;
@@ -74,17 +74,17 @@ impl ConsistencyCheck {
 
     /// Checks an estimate and widens or invalidates it; `last_change` is the last change reported by health.
     #[must_use]
-    pub fn apply(&mut self, last_change: Option<Change>, estimate: Estimate) -> Estimate {
+    pub fn apply(&mut self, last_change: Option<LevelChange>, estimate: Estimate) -> Estimate {
         self.follow(&estimate.health, last_change);
-        let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.seen) else { return estimate };
+        let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.observed) else { return estimate };
         let law = expected.kou.get();
         let discrepancy = (seen.kou.get() - self.learned.level * law).abs();
         let excess = discrepancy - seen.kou_se.get();
         let contradicts = excess > LEVEL_SIGMAS * self.learned.level_se * law;
         self.count(contradicts);
-        if estimate.health.sensor == Stage::Confirmed && self.agreed < RECOVER_COUNT {
+        if estimate.health.sensor == DtcStatus::Confirmed && self.agreed < RECOVER_COUNT {
             let suspected = Reason::SensorSuspected;
-            return Estimate { expected: Err(suspected), seen: Err(suspected), ..estimate };
+            return Estimate { expected: Err(suspected), observed: Err(suspected), ..estimate };
         }
         if !contradicts {
             return estimate;
@@ -92,13 +92,13 @@ impl ConsistencyCheck {
         // The faulty sensor may be an input of the law as well.
         Estimate {
             expected: Ok(Expected { kou_se: widen(expected.kou_se, excess), ..expected }),
-            seen: Ok(Seen { kou_se: widen(seen.kou_se, excess), ..seen }),
+            observed: Ok(Observed { kou_se: widen(seen.kou_se, excess), ..seen }),
             ..estimate
         }
     }
 
     /// Opens or closes the discrepancy by the results of health, and updates the reference level while none is open.
-    fn follow(&mut self, health: &Health, last_change: Option<Change>) {
+    fn follow(&mut self, health: &Health, last_change: Option<LevelChange>) {
         if let (true, Some(change), false) = (health.changes != self.changes, last_change, self.is_open) {
             self.is_open = true;
             if self.contradicted == 0 {
@@ -110,7 +110,7 @@ impl ConsistencyCheck {
         self.changes = health.changes;
         let now = learned(health);
         let is_as_before = (now.level - self.learned.level).abs() <= LEVEL_SIGMAS * now.level_se;
-        let is_wear = health.wear == Stage::Confirmed && health.causes.only_leakage();
+        let is_wear = health.wear == DtcStatus::Confirmed && health.causes.only_leakage();
         if is_wear || (is_as_before && self.agreed >= CLOSE_COUNT) {
             self.is_open = false;
             self.contradicted = 0;
@@ -162,7 +162,7 @@ mod tests {
                 volumetric_efficiency: efficiency,
                 leakage,
             }),
-            seen: Ok(Seen {
+            observed: Ok(Observed {
                 ratio,
                 kou: LeakageCoefficient(seen),
                 kou_se: LeakageCoefficient(SE),
@@ -174,7 +174,7 @@ mod tests {
     }
 
     fn se(estimate: Estimate) -> f32 {
-        estimate.seen.unwrap().kou_se.get()
+        estimate.observed.unwrap().kou_se.get()
     }
 
     fn causes(of: &[Cause]) -> Causes {
@@ -183,8 +183,8 @@ mod tests {
         postcard::from_bytes(postcard::to_slice(&bits, &mut buffer).unwrap()).unwrap()
     }
 
-    fn change(from: f32, to: f32) -> Option<Change> {
-        Some(Change { time: Micros(1), from: Ratio(from), to: Ratio(to), step: true })
+    fn change(from: f32, to: f32) -> Option<LevelChange> {
+        Some(LevelChange { time: Micros(1), from: Ratio(from), to: Ratio(to), step: true })
     }
 
     #[test]
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn reference_level_is_frozen_until_a_change_is_explained_even_when_health_has_followed() {
         let mut check = ConsistencyCheck::new();
-        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
             let reported = check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
@@ -227,20 +227,20 @@ mod tests {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
         let mut check = ConsistencyCheck::new();
-        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         assert!(se(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
-        let worn = Health { causes: causes(&[Cause::Wear]), wear: Stage::Confirmed, ..open };
+        let worn = Health { causes: causes(&[Cause::Wear]), wear: DtcStatus::Confirmed, ..open };
         let believed = estimate(1.5 * LAW, 1.5, worn);
         assert_eq!(check.apply(change(1.0, 1.5), believed), believed);
 
-        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: Stage::Confirmed, ..open };
+        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
         let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(reported.seen, Err(Reason::SensorSuspected));
         assert_eq!(reported.expected, Err(Reason::SensorSuspected));
         // After five seconds of agreement the sensor is used again, whatever health still waits for.
         let mut check = ConsistencyCheck::new();
         for _ in 0..RECOVER_COUNT {
-            assert!(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).seen.is_err());
+            assert!(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).observed.is_err());
         }
         for i in 1..=RECOVER_COUNT {
             let reported = check.apply(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn level_that_health_learns_from_a_faulty_sensor_does_not_become_the_reference() {
         let mut check = ConsistencyCheck::new();
-        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).seen.is_ok());
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
             // Health follows by two thirds before it reports, and one operating point in ten shows almost nothing.
@@ -266,14 +266,14 @@ mod tests {
             assert_eq!(check.apply(None, agrees), agrees);
         }
         assert!(check.is_open);
-        assert!(check.apply(None, estimate(LAW, 0.99, Health::new())).seen.is_ok());
+        assert!(check.apply(None, estimate(LAW, 0.99, Health::new())).observed.is_ok());
         assert!(!check.is_open);
     }
 
     #[test]
     fn a_reason_of_the_estimator_is_preserved() {
-        let mut invalid = estimate(LAW, 1.0, Health { sensor: Stage::Confirmed, ..Health::new() });
-        invalid.seen = Err(Reason::RatioAboveLeakFree);
-        assert_eq!(ConsistencyCheck::new().apply(None, invalid).seen, Err(Reason::RatioAboveLeakFree));
+        let mut invalid = estimate(LAW, 1.0, Health { sensor: DtcStatus::Confirmed, ..Health::new() });
+        invalid.observed = Err(Reason::RatioAboveLeakFree);
+        assert_eq!(ConsistencyCheck::new().apply(None, invalid).observed, Err(Reason::RatioAboveLeakFree));
     }
 }

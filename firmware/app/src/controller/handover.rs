@@ -8,7 +8,7 @@
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
-use kou_estimator::calibration::check::CalibrationError;
+use kou_estimator::calibration::CalibrationError;
 use kou_estimator::health::HealthState;
 use kou_estimator::{Calibration, Params, State};
 

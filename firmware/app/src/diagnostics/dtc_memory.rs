@@ -6,7 +6,7 @@
 
 use heapless::Vec;
 use kou_estimator::Sample;
-use kou_estimator::health::Stage;
+use kou_estimator::health::DtcStatus;
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
@@ -234,11 +234,11 @@ impl FaultMemory {
     }
 
     /// Sets the status of a debounced fault. May be called at any rate; an unchanged status has no effect.
-    pub fn set_status(&mut self, code: FaultCode, stage: Stage, snapshot: FreezeFrame) {
+    pub fn set_status(&mut self, code: FaultCode, stage: DtcStatus, snapshot: FreezeFrame) {
         match stage {
-            Stage::Confirmed => self.confirm(code, snapshot),
-            Stage::Healed | Stage::Absent => self.heal(code),
-            Stage::Pending => {}
+            DtcStatus::Confirmed => self.confirm(code, snapshot),
+            DtcStatus::Healed | DtcStatus::Absent => self.heal(code),
+            DtcStatus::Pending => {}
         }
     }
 
@@ -334,9 +334,9 @@ mod tests {
         memory.confirm(code, FreezeFrame::of(100, &sample));
         memory.confirm(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.set_status(code, Stage::Pending, FreezeFrame::at(150));
+        memory.set_status(code, DtcStatus::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.set_status(code, Stage::Healed, FreezeFrame::at(200));
+        memory.set_status(code, DtcStatus::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
         memory.confirm(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();

@@ -16,7 +16,7 @@ pub fn example_estimate() -> Estimate {
             volumetric_efficiency: Ratio(0.95),
             leakage: LitrePerMin(12.5),
         }),
-        seen: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
+        observed: Err(Reason::Sensor(Channel::MotorSpeed, Fault::Stuck)),
         health: Health::new(),
     }
 }

@@ -1,8 +1,8 @@
 //! Encoding of estimates and health as messages of the [catalogue](super::catalogue).
 
-use kou_estimator::health::{Cause, Closed, Health, Stage};
-use kou_estimator::region::Direction;
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Seen};
+use kou_estimator::health::{Cause, GateClosed, Health, DtcStatus};
+use kou_estimator::model::calibrated_region::Direction;
+use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Observed};
 
 use super::catalogue as c;
 use super::signal::{Absent, Signal};
@@ -72,25 +72,25 @@ const fn fault_code(fault: Fault) -> u32 {
     }
 }
 
-const fn stage_code(stage: Stage) -> u32 {
+const fn stage_code(stage: DtcStatus) -> u32 {
     match stage {
-        Stage::Absent => 0,
-        Stage::Pending => 1,
-        Stage::Confirmed => 2,
-        Stage::Healed => 3,
+        DtcStatus::Absent => 0,
+        DtcStatus::Pending => 1,
+        DtcStatus::Confirmed => 2,
+        DtcStatus::Healed => 3,
     }
 }
 
-const fn gate_code(gate: Result<(), Closed>) -> u32 {
+const fn gate_code(gate: Result<(), GateClosed>) -> u32 {
     match gate {
         Ok(()) => 0,
-        Err(Closed::Sample(_)) => 1,
-        Err(Closed::Filling) => 2,
-        Err(Closed::AfterGap) => 3,
-        Err(Closed::SpeedUnsteady) => 4,
-        Err(Closed::PressureUnsteady) => 5,
-        Err(Closed::DisplacementUnsteady) => 6,
-        Err(Closed::RatioUnsteady) => 7,
+        Err(GateClosed::Sample(_)) => 1,
+        Err(GateClosed::Filling) => 2,
+        Err(GateClosed::AfterGap) => 3,
+        Err(GateClosed::SpeedUnsteady) => 4,
+        Err(GateClosed::PressureUnsteady) => 5,
+        Err(GateClosed::DisplacementUnsteady) => 6,
+        Err(GateClosed::RatioUnsteady) => 7,
     }
 }
 
@@ -104,7 +104,7 @@ fn put<T>(data: &mut [u8; 8], signal: &Signal, part: &Result<T, Reason>, number:
 pub fn leakage(estimate: &Estimate) -> [u8; 8] {
     let mut data = BLANK;
     put(&mut data, &c::KOU_EXPECTED, &estimate.expected, |e: &Expected| e.kou.get());
-    put(&mut data, &c::KOU_SEEN, &estimate.seen, |s: &Seen| s.kou.get());
+    put(&mut data, &c::KOU_SEEN, &estimate.observed, |s: &Observed| s.kou.get());
     data
 }
 
@@ -113,7 +113,7 @@ pub fn leakage(estimate: &Estimate) -> [u8; 8] {
 pub fn leakage_se(estimate: &Estimate) -> [u8; 8] {
     let mut data = BLANK;
     put(&mut data, &c::KOU_EXPECTED_SE, &estimate.expected, |e: &Expected| e.kou_se.get());
-    put(&mut data, &c::KOU_SEEN_SE, &estimate.seen, |s: &Seen| s.kou_se.get());
+    put(&mut data, &c::KOU_SEEN_SE, &estimate.observed, |s: &Observed| s.kou_se.get());
     data
 }
 
@@ -121,11 +121,11 @@ pub fn leakage_se(estimate: &Estimate) -> [u8; 8] {
 #[must_use]
 pub fn efficiency(estimate: &Estimate) -> [u8; 8] {
     let mut data = BLANK;
-    let (expected, seen) = (&estimate.expected, &estimate.seen);
+    let (expected, seen) = (&estimate.expected, &estimate.observed);
     put(&mut data, &c::EFFICIENCY_EXPECTED, expected, |e: &Expected| 100.0 * e.volumetric_efficiency.get());
-    put(&mut data, &c::EFFICIENCY_SEEN, seen, |s: &Seen| 100.0 * s.volumetric_efficiency.get());
+    put(&mut data, &c::EFFICIENCY_SEEN, seen, |s: &Observed| 100.0 * s.volumetric_efficiency.get());
     put(&mut data, &c::FLOW_EXPECTED, expected, |e: &Expected| e.leakage.get());
-    put(&mut data, &c::FLOW_SEEN, seen, |s: &Seen| s.leakage.get());
+    put(&mut data, &c::FLOW_SEEN, seen, |s: &Observed| s.leakage.get());
     data
 }
 
@@ -143,7 +143,7 @@ pub fn validity(estimate: &Estimate, counter: u8) -> [u8; 8] {
     let mut data = BLANK;
     let expected = [&c::EXPECTED_REASON, &c::EXPECTED_CHANNEL, &c::EXPECTED_FAULT];
     put_reason(&mut data, expected, estimate.expected.err());
-    put_reason(&mut data, [&c::SEEN_REASON, &c::SEEN_CHANNEL, &c::SEEN_FAULT], estimate.seen.err());
+    put_reason(&mut data, [&c::SEEN_REASON, &c::SEEN_CHANNEL, &c::SEEN_FAULT], estimate.observed.err());
     put(&mut data, &c::WEAR_RATIO, &estimate.wear_ratio(), |ratio| ratio.get());
     c::ESTIMATE_COUNTER.put_raw(&mut data, u32::from(counter));
     data

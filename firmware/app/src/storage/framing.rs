@@ -11,7 +11,7 @@
 //! Beneath it, sequential-storage adds key, length and a CRC of its own; this CRC protects the record independently
 //! of the library that wrote it.
 
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use sequential_storage::map::{SerializationError, Value};
 use serde::{Deserialize, Serialize};
 

@@ -10,7 +10,7 @@
 use core::ops::Range;
 
 use embedded_storage_async::nor_flash::NorFlash;
-use kou_estimator::calibration::record::MAX_LEN;
+use kou_estimator::record::calibration::MAX_LEN;
 use sequential_storage::Error as FlashError;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};

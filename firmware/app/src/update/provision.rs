@@ -9,7 +9,7 @@
 //! The firmware never writes it. A key in plain flash is as secure as the chip's read-out protection; a board with
 //! one-time-programmable memory can store it there instead.
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::mac::Key;
 
@@ -35,5 +35,5 @@ pub fn calibration(page: &[u8; LEN]) -> Option<&[u8]> {
     let record = page.get(KEY_LEN..)?;
     let (&[m0, m1, m2, m3, _, _, l0, l1], _) = record.split_first_chunk::<HEAD>()?;
     let length = usize::from(u16::from_le_bytes([l0, l1])).checked_add(HEAD.saturating_add(TAIL))?;
-    ([m0, m1, m2, m3] == record::MAGIC).then(|| record.get(..length)).flatten()
+    ([m0, m1, m2, m3] == record::calibration::MAGIC).then(|| record.get(..length)).flatten()
 }

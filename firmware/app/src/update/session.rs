@@ -10,7 +10,7 @@
 //! informed of its result. It needs one buffer of its own for one transfer.
 
 use kou_estimator::Sample;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::{Megapascal, Micros};
 
 use super::mac::{self, KeySource, TAG_LEN};
@@ -364,7 +364,7 @@ fn begin(length: usize, counter: u32, guard: &UpdateGuard<'_>) -> Result<Session
     if counter <= guard.counter {
         return Err(RejectReason::OldCounter);
     }
-    if !(MIN_LEN..=record::MAX_LEN).contains(&length) {
+    if !(MIN_LEN..=record::calibration::MAX_LEN).contains(&length) {
         return Err(RejectReason::Length);
     }
     Ok(SessionState::Receiving { length, counter, filled: 0 })

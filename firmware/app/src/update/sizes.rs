@@ -1,13 +1,13 @@
 //! Sizes of an update transfer and of the buffer that receives it.
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::mac::TAG_LEN;
 use super::wire::SEGMENT;
 use crate::storage;
 
 /// Longest transfer: a calibration record and its tag.
-pub const MAX_TRANSFER: usize = record::MAX_LEN + TAG_LEN;
+pub const MAX_TRANSFER: usize = record::calibration::MAX_LEN + TAG_LEN;
 
 /// Length of the session's buffer, which also serves as scratch memory of [`crate::storage::Store::repair`].
 pub const BUFFER_LEN: usize =

@@ -1,6 +1,6 @@
 //! Tool side of an update: its commands in order, each to be sent after a positive answer to the previous one.
 
-use kou_estimator::calibration::record::MAX_LEN;
+use kou_estimator::record::calibration::MAX_LEN;
 
 use super::mac::{self, Key, TAG_LEN};
 use super::sizes::MAX_TRANSFER;

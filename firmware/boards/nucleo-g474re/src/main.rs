@@ -44,7 +44,7 @@ use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::storage::Store;
 use kou_app::update::{UpdateService, UpdateSession};
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;
@@ -180,10 +180,10 @@ impl Publish for Publisher {
         sample: Option<&Sample>,
     ) {
         self.bus.publish(now, estimate, sample).await;
-        let valid = estimate.is_ok_and(|estimate| estimate.seen.is_ok());
+        let valid = estimate.is_ok_and(|estimate| estimate.observed.is_ok());
         if self.was_valid != Some(valid) {
             self.was_valid = Some(valid);
-            let why = estimate.map(|estimate| estimate.seen.err());
+            let why = estimate.map(|estimate| estimate.observed.err());
             defmt::info!("estimates valid: {=bool}; {}", valid, why);
         }
     }

@@ -18,8 +18,8 @@ use cortex_m_rt::{ExceptionFrame, entry, exception};
 use cortex_m_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
 use cortex_m_semihosting::{heprintln, hprintln};
 use kou_check_fixture::{Driving, Samples, drive, flow_rig, typical_point, typical_sample};
-use kou_estimator::law::Law;
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::leakage_law::Law;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Estimate, Params, Reason, Sample, State, step};
 
@@ -176,7 +176,7 @@ fn main() -> ! {
     let mut out = Estimate::invalid(Micros(0), Reason::NotLoaded);
     let sample = black_box(typical_sample(Micros(1_000_000)));
     hprintln!("step_typical_instructions {}", step_instructions(&drive, &mut state, &sample, &mut out));
-    if out.expected.is_err() || out.seen.is_err() {
+    if out.expected.is_err() || out.observed.is_err() {
         heprintln!("the typical sample is not valid, so its count means nothing");
         fail();
     }

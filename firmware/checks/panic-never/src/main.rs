@@ -10,9 +10,9 @@
 
 use core::hint::black_box;
 
-use kou_estimator::calibration::record;
-use kou_estimator::reduced::{OperatingPoint, ReducedModel};
-use kou_estimator::region::RegionConfig;
+use kou_estimator::record;
+use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
+use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::{LeakageCoefficient, LitrePerMin, MegapascalAbs, Ratio};
 use kou_estimator::{Calibration, Channel, Estimate, Fault, Params, Reason, Sample, State};
 use panic_never as _;
@@ -56,14 +56,14 @@ mod entries {
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
     pub fn kou_record_decode(bytes: &[u8], out: &mut Option<Calibration>) {
-        *out = record::decode(bytes).ok();
+        *out = record::calibration::decode(bytes).ok();
     }
 
     #[inline(never)]
     #[allow(unsafe_code, reason = "a name that xtask finds in the ELF")]
     #[unsafe(no_mangle)]
     pub fn kou_record_encode(calibration: &Calibration, buffer: &mut [u8]) -> Option<usize> {
-        record::encode(calibration, buffer).ok()
+        record::calibration::encode(calibration, buffer).ok()
     }
 }
 
@@ -77,12 +77,12 @@ fn pieces(params: &Params, at: &OperatingPoint) {
     let balance = model.balance(at);
     let kou = *unknown(0x20 as *const LeakageCoefficient);
     let ratio = *unknown(0x24 as *const Ratio);
-    black_box((balance.ratio(kou), balance.kou(ratio), balance.kou_per_ratio(), balance.lost_fraction()));
+    black_box((balance.ratio(kou), balance.kou(ratio), balance.kou_per_ratio(), balance.compression_loss()));
     black_box((balance.leakage(kou), model.volumetric_efficiency(at, ratio)));
     black_box(model.ratio_of_flow(at, *unknown(0x28 as *const LitrePerMin)));
 
     let (low, high) = *unknown(0x30 as *const (MegapascalAbs, MegapascalAbs));
-    black_box(model.compression().lost_fraction(low, high, at.oil_temperature));
+    black_box(model.compression().compression_loss(low, high, at.oil_temperature));
 }
 
 /// What builds and judges configurations.
@@ -107,7 +107,7 @@ extern "C" fn _start() {
     let mut estimate = *unknown(0x70 as *const Estimate);
     let mut decoded = None;
     let mut checked = None;
-    let mut buffer = [0; record::MAX_LEN];
+    let mut buffer = [0; record::calibration::MAX_LEN];
 
     entries::kou_record_decode(bytes, &mut decoded);
     black_box(&decoded);
@@ -118,8 +118,8 @@ extern "C" fn _start() {
     entries::kou_params_replace(calibration, &mut checked);
     black_box((&checked, Params::check(calibration).is_ok()));
     entries::kou_step(params, &mut state, unknown(0x74 as *const Sample), &mut estimate);
-    black_box(kou_estimator::state_record::encode(&state, 0, &mut buffer).is_ok());
-    black_box(kou_estimator::state_record::decode(bytes, 0).is_ok());
+    black_box(kou_estimator::record::state::encode(&state, 0, &mut buffer).is_ok());
+    black_box(kou_estimator::record::state::decode(bytes, 0).is_ok());
     let health = state.health();
     black_box((health.severity(params), health.remaining(params), health.last_change()));
     black_box((&estimate, estimate.wear_ratio().is_ok(), state.samples(), state.valid()));

@@ -121,8 +121,8 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     let m = &c.machine;
     in_range("machine.pump_pistons", f32::from(m.pump_pistons), 3.0, 25.0)?;
     match m.output {
-        Output::Motor => in_range("machine.motor_pistons", f32::from(m.motor_pistons), 3.0, 25.0)?,
-        Output::FlowMeter => {
+        OutputSensor::Motor => in_range("machine.motor_pistons", f32::from(m.motor_pistons), 3.0, 25.0)?,
+        OutputSensor::FlowMeter => {
             consistent("machine.motor_pistons", m.motor_pistons == 0, "a flow meter has no pistons")?;
             let dead = c.reduced.motor_dead_volume.get();
             consistent("reduced.motor_dead_volume_cm3", dead == 0.0, "a flow meter has no dead volume")?;

@@ -153,7 +153,7 @@ impl HealthParams {
             p_h_mpa: at.high_pressure.get(),
             t_b_c: at.oil_temperature.get(),
             alpha: 1.0,
-            chi: balance.lost_fraction().get(),
+            chi: balance.compression_loss().get(),
         };
         let per_level = mean.ratio_per_kou * mean.kou_law;
         // An error of pressure or temperature acts through compression, whatever leaks, and through the leakage, in

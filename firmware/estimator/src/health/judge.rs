@@ -27,7 +27,7 @@ pub enum Verdict {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Judge {
     pub changes: u16,
-    pub last: Option<Change>,
+    pub last: Option<LevelChange>,
     /// Parameters before the last change, against which its causes are told apart.
     pub before: [f32; PARAMETERS],
     diagnosis: Diagnosis,

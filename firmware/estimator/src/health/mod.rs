@@ -64,7 +64,7 @@ pub struct Change {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Health {
     /// Whether the last full block was used, or why not; a sample that cannot be used closes the gate at once.
-    pub gate: Result<(), Closed>,
+    pub gate: Result<(), GateClosed>,
     /// Level: leakage over the law's.
     pub level: Ratio,
     /// Standard error of the level, with what the time since the last used block may have changed and what no driving
@@ -87,14 +87,14 @@ impl Health {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            gate: Err(Closed::Filling),
+            gate: Err(GateClosed::Filling),
             level: Ratio(1.0),
             level_se: Ratio(state::LEVEL_SD_START),
             ratio_offset: Ratio(0.0),
             changes: 0,
             causes: Causes::none(),
-            wear: Stage::Absent,
-            sensor: Stage::Absent,
+            wear: DtcStatus::Absent,
+            sensor: DtcStatus::Absent,
         }
     }
 }

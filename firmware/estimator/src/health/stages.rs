@@ -170,21 +170,21 @@ impl HealthState {
     fn pass_drive(&mut self) -> Stage {
         if self.block.after_gap {
             self.gate.restart(&self.block);
-            self.told.gate = Err(Closed::AfterGap);
+            self.told.gate = Err(GateClosed::AfterGap);
             return Stage::Tell;
         }
         self.passed = Ok(());
         let (speed, pressure) = (self.gate.speed(&self.block), self.gate.pressure(&self.block));
-        self.pass(speed, Closed::SpeedUnsteady);
-        self.pass(pressure, Closed::PressureUnsteady);
+        self.pass(speed, GateClosed::SpeedUnsteady);
+        self.pass(pressure, GateClosed::PressureUnsteady);
         Stage::GateRest
     }
 
     #[inline(never)]
     fn pass_rest(&mut self) -> Stage {
         let (displacement, deficit) = (self.gate.displacement(&self.block), self.gate.deficit(&self.block));
-        self.pass(displacement, Closed::DisplacementUnsteady);
-        self.pass(deficit, Closed::RatioUnsteady);
+        self.pass(displacement, GateClosed::DisplacementUnsteady);
+        self.pass(deficit, GateClosed::RatioUnsteady);
         self.told.gate = self.passed;
         if self.passed.is_ok() { Stage::Compare } else { Stage::Tell }
     }

@@ -32,7 +32,7 @@ pub struct HealthState {
     pub(super) used: Used,
     pub(super) gate: Gate,
     /// What the gate said of the block that waits.
-    pub(super) passed: Result<(), Closed>,
+    pub(super) passed: Result<(), GateClosed>,
     pub(super) filter: UdFilter,
     pub(super) steps: StepWatch,
     pub(super) drifts: DriftWatch,
@@ -65,7 +65,7 @@ impl HealthState {
             block: Block::new(),
             used: Used::new(),
             gate: Gate::new(),
-            passed: Err(Closed::Filling),
+            passed: Err(GateClosed::Filling),
             filter: UdFilter::new([0.0; PARAMETERS], [LEVEL_SD_START * LEVEL_SD_START; PARAMETERS]),
             steps: StepWatch::new(),
             drifts: DriftWatch::new(),
@@ -80,7 +80,7 @@ impl HealthState {
 
     /// The last change that was reported.
     #[must_use]
-    pub fn last_change(&self) -> Option<Change> {
+    pub fn last_change(&self) -> Option<LevelChange> {
         self.judge.last
     }
 
@@ -136,7 +136,7 @@ impl HealthState {
         } else {
             self.accumulator.clear();
         }
-        self.told.gate = Err(Closed::Sample(reason));
+        self.told.gate = Err(GateClosed::Sample(reason));
         self.tell(params, time);
     }
 

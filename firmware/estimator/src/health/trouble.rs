@@ -46,52 +46,52 @@ impl Trouble {
     /// Never seen.
     #[must_use]
     pub const fn new() -> Self {
-        Self { stage: Stage::Absent, occurrences: 0, first: Micros(0), last: Micros(0), counter: 0, age: 0 }
+        Self { stage: DtcStatus::Absent, occurrences: 0, first: Micros(0), last: Micros(0), counter: 0, age: 0 }
     }
 
     /// Takes one decision.
     pub fn takes(&mut self, time: Micros, present: bool) {
         match (self.stage, present) {
-            (Stage::Absent | Stage::Healed, true) => {
-                self.stage = Stage::Pending;
+            (DtcStatus::Absent | DtcStatus::Healed, true) => {
+                self.stage = DtcStatus::Pending;
                 self.counter = 1;
             }
-            (Stage::Pending, true) => {
+            (DtcStatus::Pending, true) => {
                 self.counter = self.counter.saturating_add(1);
                 if self.counter >= CONFIRM {
                     if self.occurrences == 0 {
                         self.first = time;
                     }
-                    self.stage = Stage::Confirmed;
+                    self.stage = DtcStatus::Confirmed;
                     self.occurrences = self.occurrences.saturating_add(1);
                     self.last = time;
                     self.counter = 0;
                 }
             }
-            (Stage::Pending, false) => {
+            (DtcStatus::Pending, false) => {
                 self.counter = self.counter.saturating_sub(1);
                 if self.counter == 0 {
-                    self.stage = if self.occurrences > 0 { Stage::Healed } else { Stage::Absent };
+                    self.stage = if self.occurrences > 0 { DtcStatus::Healed } else { DtcStatus::Absent };
                 }
             }
-            (Stage::Confirmed, true) => {
+            (DtcStatus::Confirmed, true) => {
                 self.counter = 0;
                 self.last = time;
             }
-            (Stage::Confirmed, false) => {
+            (DtcStatus::Confirmed, false) => {
                 self.counter = self.counter.saturating_add(1);
                 if self.counter >= HEAL {
-                    self.stage = Stage::Healed;
+                    self.stage = DtcStatus::Healed;
                     self.age = 0;
                 }
             }
-            (Stage::Healed, false) => {
+            (DtcStatus::Healed, false) => {
                 self.age = self.age.saturating_add(1);
                 if self.age >= 1000 * u32::from(AGE) {
                     *self = Self::default();
                 }
             }
-            (Stage::Absent, false) => {}
+            (DtcStatus::Absent, false) => {}
         }
     }
 }
@@ -106,15 +106,15 @@ mod tests {
         for i in 0..5 {
             trouble.takes(Micros(i), true);
         }
-        assert_eq!(trouble.stage, Stage::Pending);
+        assert_eq!(trouble.stage, DtcStatus::Pending);
         (0..5).for_each(|_| trouble.takes(Micros(9), false));
-        assert_eq!(trouble.stage, Stage::Absent);
+        assert_eq!(trouble.stage, DtcStatus::Absent);
         (0..10).for_each(|i| trouble.takes(Micros(20 + i), true));
-        assert_eq!((trouble.stage, trouble.occurrences, trouble.first), (Stage::Confirmed, 1, Micros(29)));
+        assert_eq!((trouble.stage, trouble.occurrences, trouble.first), (DtcStatus::Confirmed, 1, Micros(29)));
         (0..100).for_each(|_| trouble.takes(Micros(50), false));
-        assert_eq!(trouble.stage, Stage::Healed);
+        assert_eq!(trouble.stage, DtcStatus::Healed);
         (0..10).for_each(|_| trouble.takes(Micros(60), true));
-        assert_eq!((trouble.stage, trouble.occurrences, trouble.last), (Stage::Confirmed, 2, Micros(60)));
+        assert_eq!((trouble.stage, trouble.occurrences, trouble.last), (DtcStatus::Confirmed, 2, Micros(60)));
         (0..100).for_each(|_| trouble.takes(Micros(70), false));
         (0..1_000_000).for_each(|_| trouble.takes(Micros(80), false));
         assert_eq!(trouble, Trouble::default());

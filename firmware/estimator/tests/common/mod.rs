@@ -1,12 +1,12 @@
 //! A calibration of the reference machine and an independent f64 statement of the reduced model, shared by the tests.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-use kou_estimator::calibration::{Limits, MachineConfig, Output, Provenance, SensorErrors, SensorRanges};
-use kou_estimator::health::HealthConfig;
-use kou_estimator::law::{LawConfig, LawErrorRoot};
-use kou_estimator::oil::OilConfig;
-use kou_estimator::reduced::ReducedConfig;
-use kou_estimator::region::RegionConfig;
+use kou_estimator::calibration::{Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::calibration::HealthConfig;
+use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
+use kou_estimator::model::oil_compression::OilConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
+use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::*;
 use kou_estimator::{Calibration, Reading, Sample};
 
@@ -16,7 +16,7 @@ pub fn calibration() -> Calibration {
         machine: MachineConfig {
             name: "reference".try_into().unwrap(),
             serial: "0001".try_into().unwrap(),
-            output: Output::Motor,
+            output: OutputSensor::Motor,
             pump_pistons: 9,
             motor_pistons: 9,
             pump_displacement: CubicCentimetrePerRev(301.2),
@@ -56,7 +56,7 @@ pub fn calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.002),
-            error_root: LawErrorRoot { first: [1e-3; 10], third: [5e-4; 8], ..LawErrorRoot::NONE },
+            covariance_factor: LawCovarianceFactor { first: [1e-3; 10], third: [5e-4; 8], ..LawCovarianceFactor::ZERO },
         },
         region: RegionConfig::around(
             [[0.3, 0.1, 0.3], [1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [1.0, 0.1, 0.3]],
@@ -87,7 +87,7 @@ pub fn calibration() -> Calibration {
             rated_speed: RevPerMin(2000.0),
             rated_pressure: Megapascal(30.0),
             rated_temperature: Celsius(55.0),
-            ..HealthConfig::USUAL
+            ..HealthConfig::DEFAULT
         },
         provenance: Provenance {
             tool: "test".try_into().unwrap(),
@@ -132,7 +132,7 @@ pub mod reference {
         }
 
         /// chi = 1 - rho_L/rho_H with ln(rho_H/rho_L) = integral of dp/beta, gauge pressures.
-        pub fn lost_fraction(&self, low: f64, high: f64) -> f64 {
+        pub fn compression_loss(&self, low: f64, high: f64) -> f64 {
             let f = |t: f64| self.compressibility(t.exp()) * t.exp();
             let (a, b) = ((low + 0.101_325).ln(), (high + 0.101_325).ln());
             1.0 - (-simpson(&f, a, b)).exp()

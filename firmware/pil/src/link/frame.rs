@@ -6,7 +6,7 @@
 
 use core::fmt;
 
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use serde::{Deserialize, Serialize};
 
 use super::cobs::{self, CobsDecoder, CobsEvent};

@@ -6,7 +6,7 @@
 
 use core::fmt;
 
-use kou_estimator::calibration::record::RecordError;
+use kou_estimator::record::RecordError;
 use kou_estimator::{CalibrationError, Estimate, Problem, Sample};
 use serde::{Deserialize, Serialize};
 

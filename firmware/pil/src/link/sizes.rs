@@ -1,13 +1,13 @@
 //! Sizes of payloads and frames.
 
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::cobs;
 
 /// Length of the CRC behind the payload.
 pub const CRC_LEN: usize = 4;
 /// Largest payload: a calibration record with tag and length.
-pub const MAX_PAYLOAD: usize = record::MAX_LEN + 8;
+pub const MAX_PAYLOAD: usize = record::calibration::MAX_LEN + 8;
 /// Largest frame before encoding: payload and CRC.
 pub const MAX_BODY: usize = MAX_PAYLOAD + CRC_LEN;
 /// Largest encoded frame including its delimiter.

@@ -118,7 +118,7 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
                     let len = random.below(4) + 1;
                     let payload: Vec<u8> = (0..len).map(|_| random.below(8) as u8).collect();
                     let mut body = payload.clone();
-                    body.extend(kou_estimator::calibration::record::crc32(&payload).to_le_bytes());
+                    body.extend(kou_estimator::record::crc32(&payload).to_le_bytes());
                     ::cobs::encode_vec(&body)
                 }
             };
@@ -191,7 +191,7 @@ fn message_counts_match_the_enums() {
 
 #[test]
 fn largest_messages_fit_their_frames() {
-    let record = [0xA5; kou_estimator::calibration::record::MAX_LEN];
+    let record = [0xA5; kou_estimator::record::calibration::MAX_LEN];
     assert!(request_frame(&Request::LoadCalibration(&record)).len() <= MAX_FRAME);
     let mut out = [0; MAX_RESPONSE_FRAME];
     let text = |len| core::str::from_utf8(&[b'x'; 128][..len]).map(std::string::String::from).unwrap();

@@ -1,7 +1,7 @@
 //! Task `estimate`: answers commands one by one and in order. The only task that owns parameters and state.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::{Params, Sample, State, step};
 
 use super::board::Board;
@@ -23,7 +23,7 @@ pub async fn run_estimate<M: RawMutex, B: Board>(channels: &ServerChannels<M>, b
         let answer = match channels.commands.receive().await {
             ServerCommand::Hello => Response::Hello(Hello {
                 protocol: PROTOCOL,
-                record_schema: record::SCHEMA,
+                record_schema: record::calibration::SCHEMA,
                 version: env!("CARGO_PKG_VERSION"),
                 board: B::NAME,
             }),
@@ -60,7 +60,7 @@ fn estimate<M: RawMutex>(
         return Response::Error(ErrorKind::NoCalibration);
     };
     let estimate = step(&active.params, &mut active.state, sample);
-    if estimate.expected.is_ok() && estimate.seen.is_ok() {
+    if estimate.expected.is_ok() && estimate.observed.is_ok() {
         channels.counters.estimates_valid.increment();
     } else {
         channels.counters.estimates_rejected.increment();

@@ -6,7 +6,7 @@
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Read;
 use kou_estimator::Params;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 
 use super::channels::{ServerChannels, ServerCommand};
 use super::link_end::LinkEnd;
@@ -78,7 +78,7 @@ async fn command<M: RawMutex>(
 // Not inlined: its large temporaries would otherwise occupy the task's memory permanently.
 #[inline(never)]
 fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), CalibrationRejection<&'static str>> {
-    let calibration = record::decode(bytes)?;
+    let calibration = record::calibration::decode(bytes)?;
     let params = Params::new(&calibration)?;
     let crc = bytes.last_chunk().map_or(0, |crc| u32::from_le_bytes(*crc));
     Ok((params, crc))

@@ -3,7 +3,7 @@
 //! At the stated run length none can be seen in any time that can be simulated. So thresholds of shorter run lengths are
 //! tried, and machines that miss the law by more than is declared, which is what the derivation does not cover.
 
-use kou_estimator::health::HealthConfig;
+use kou_estimator::calibration::HealthConfig;
 use kou_estimator::{Calibration, Params};
 
 use crate::commands::Failure;
@@ -37,7 +37,7 @@ pub(super) struct Alarms {
 pub(super) fn threshold(health: &HealthConfig) -> f64 {
     let f = f64::from;
     let decision_h = f64::from(health.block_us) / 3.6e9 * f(health.misfit_blocks);
-    (2.0 * f(health.run_length_h) / decision_h).ln().max(3.0)
+    (2.0 * f(health.false_alarm_interval_h) / decision_h).ln().max(3.0)
 }
 
 /// Drives healthy machines at each threshold.
@@ -51,7 +51,7 @@ pub(super) fn measure(
     for misfits in MISFITS {
         for run_length_h in RUN_LENGTHS_H {
             let mut tried = calibration.clone();
-            tried.health.run_length_h = run_length_h;
+            tried.health.false_alarm_interval_h = run_length_h;
             let params = Params::new(&tried).map_err(|e| InputError::new(e.to_string()))?;
             let misfit = misfits * f64::from(calibration.health.law_misfit);
             let runs = Setting { params, misfit, ..setting.clone() }.runs(WORLDS, hours_each);

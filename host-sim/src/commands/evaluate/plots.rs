@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use kou_estimator::health::HealthConfig;
+use kou_estimator::calibration::HealthConfig;
 
 use super::alarms::{Alarms, MISFITS, threshold};
 use super::{Coverage, Detection};

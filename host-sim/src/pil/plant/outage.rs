@@ -3,7 +3,7 @@
 use kou_app::controller::NoEstimate;
 use kou_app::diagnostics::{FaultCode, FaultMemory};
 use kou_app::storage::RecordKind;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
 use serde::Serialize;
@@ -163,7 +163,7 @@ impl Outages {
         let since_s = time_s - outage.back_s;
         let Some(finding) = &mut outage.finding else { return };
         finding.first_output_s.get_or_insert(since_s);
-        if estimate.seen.is_ok() {
+        if estimate.observed.is_ok() {
             finding.valid_s.get_or_insert(since_s);
         }
         let level = estimate.health.level.get();
@@ -203,8 +203,8 @@ fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
     // Health needs parameters only to judge samples; which ones is the same for what is told of an empty one.
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
-    let mut buffer = [0; record::MAX_LEN];
-    let default = record::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
+    let mut buffer = [0; record::calibration::MAX_LEN];
+    let default = record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
     let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
     let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
     if health.calibration_crc != crc {

@@ -5,7 +5,7 @@ use kou_app::j1939::{Frame, Id};
 use kou_app::update::wire::UpdateAnswer;
 use kou_app::update::{Key, UpdateTransfer};
 use kou_emulation::CanFrame;
-use kou_estimator::calibration::record;
+use kou_estimator::record;
 use kou_estimator::{Calibration, Params};
 use serde::Serialize;
 
@@ -72,8 +72,8 @@ impl Tool {
             if update.other_machine {
                 candidate.machine.name = heapless::String::try_from("another machine").unwrap_or_default();
             }
-            let mut buffer = [0; record::MAX_LEN];
-            let length = record::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
+            let mut buffer = [0; record::calibration::MAX_LEN];
+            let length = record::calibration::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
             let mut key = key_of(scenario);
             if update.wrong_key {
                 key.reverse();

@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use kou_estimator::reduced::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params};
 

@@ -1,7 +1,7 @@
 //! What the firmware said against what was true and what was expected.
 
 use kou_app::controller::NoEstimate;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_estimator::{Estimate, Reason, Sample};
 use serde::Serialize;
 
@@ -75,7 +75,7 @@ pub fn name_of(output: &Result<Estimate, NoEstimate>) -> String {
         Err(NoEstimate::Starting) => "starting".into(),
         Err(NoEstimate::NoCalibration) => "no_calibration".into(),
         Err(NoEstimate::Late) => "late".into(),
-        Ok(estimate) => match estimate.seen {
+        Ok(estimate) => match estimate.observed {
             Ok(_) => "valid".into(),
             Err(Reason::Sensor(channel, fault)) => format!("{} {}", channel.name(), fault.name()),
             Err(reason) => reason.name().into(),
@@ -107,7 +107,7 @@ impl Verdict {
         self.crc = crc32(&bytes);
         self.outputs += 1;
         let name = name_of(output);
-        let seen = output.as_ref().ok().and_then(|estimate| estimate.seen.ok());
+        let seen = output.as_ref().ok().and_then(|estimate| estimate.observed.ok());
         self.valid += u64::from(seen.is_some());
         for (expect, tally) in &mut self.expects {
             if time_s < expect.from_s || time_s > expect.until_s {

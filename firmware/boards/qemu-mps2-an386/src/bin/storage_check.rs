@@ -12,7 +12,7 @@ use kou_app::storage::{BUFFER_LEN, MIN_BYTES, OperatingCounters, Store, StoreErr
 use kou_emulation::RamFlash;
 use kou_emulation::examples;
 use kou_emulation::ram_flash::Torn;
-use kou_estimator::calibration::record::crc32;
+use kou_estimator::record::crc32;
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;
