@@ -4,14 +4,15 @@
 
 pub mod samples;
 
-use kou_estimator::calibration::{
-    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges, record,
-};
 use kou_estimator::calibration::HealthConfig;
+use kou_estimator::calibration::{
+    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
+};
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
 use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
 use kou_estimator::model::oil_compression::OilConfig;
-use kou_estimator::model::flow_balance::ReducedConfig;
-use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::record;
 use kou_estimator::units::{
     Celsius, CubicCentimetre, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio,
     RevPerMin,
@@ -76,7 +77,11 @@ pub fn reference_calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.0015),
-            covariance_factor: LawCovarianceFactor { first: [1e-3; 10], third: [5e-4; 8], ..LawCovarianceFactor::ZERO },
+            covariance_factor: LawCovarianceFactor {
+                first: [1e-3; 10],
+                third: [5e-4; 8],
+                ..LawCovarianceFactor::ZERO
+            },
         },
         region: RegionConfig::around(corners, 0.01),
         sensor_errors: SensorErrors {

@@ -3,18 +3,11 @@
 //! Data flows one way: record -> samples -> estimator -> estimates -> report. The estimator is the very crate that the
 //! firmware links; no equation of it stands here.
 
-pub mod calibration;
-pub mod columns;
 pub mod commands;
 pub mod evaluate;
-pub mod full;
-pub mod identify;
-pub mod input;
-pub mod machine;
 pub mod pil;
-pub mod record;
+pub mod plots;
 pub mod replay;
 pub mod report;
 pub mod synth;
-pub mod table;
 pub mod update;

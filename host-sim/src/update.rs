@@ -15,7 +15,7 @@ use kou_app::update::{Key, UpdateTransfer};
 use kou_estimator::Calibration;
 use kou_estimator::record;
 
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Bytes that are read of a key file: more than digits and white space around them need, and a wrong file may be endless.
 const LONGEST_KEY_FILE: u64 = 1024;
@@ -77,7 +77,8 @@ pub fn frames(
     addresses: Addresses,
 ) -> Result<Vec<Frame>, InputError> {
     let mut buffer = [0; record::calibration::MAX_LEN];
-    let length = record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+    let length =
+        record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
     let bytes = buffer.get(..length).unwrap_or_default();
     let transfer = UpdateTransfer::new(bytes, counter, key).map_err(|e| InputError::new(e.to_string()))?;
     let id = Id::new(UPDATE_COMMAND.priority, UPDATE_COMMAND.pgn, addresses.controller, addresses.tool);

@@ -2,7 +2,6 @@
 
 mod support;
 
-use host_sim::calibration::SensorClass;
 use host_sim::evaluate::{Course, Event, Looks, Run, Setting, Share, Tally, World, faults};
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
@@ -12,7 +11,7 @@ use support::{Folder, calibrated};
 fn set_up() -> (Setting, Calibration) {
     let folder = Folder::new();
     let out = calibrated(&folder, "B");
-    let (calibration, params) = host_sim::calibration::read_checked(&out).unwrap();
+    let (calibration, params) = kou_identify::calibration::read_checked(&out).unwrap();
     let law = &calibration.law;
     let limits = [law.n_max.get().into(), law.p_max.get().into(), law.t_max.get().into()];
     let class = SensorClass::B;

@@ -1,15 +1,16 @@
-//! Signatures by which health tells causes apart, against differences of what the estimator itself expects at displaced readings.
+//! Signatures of fault isolation against finite differences of the estimator's own expected ratio at displaced readings.
 //!
-//! At one operating point the regression of a deficit on a signature has the same deficit for every cause, so that the quotient of
-//! two of its results is the quotient of two signatures, whatever was learned. The saved state holds both sums.
+//! At one operating point the regression of the ratio residual on a signature has the same residual for every cause, so
+//! that the quotient of two of its results is the quotient of two signatures, whatever was learned. The saved state
+//! contains both sums.
 
 mod support;
 
-use host_sim::calibration::read_checked;
 use kou_estimator::health::Cause;
 use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Params, Reading, Sample, State, step};
+use kou_identify::calibration::read_checked;
 use support::{Folder, calibrated};
 
 /// An oil whose bulk modulus falls with temperature as mineral oils' does, so that both parts of the temperature's signature
@@ -67,11 +68,11 @@ fn ratio(params: &Params, read: Read, kou: f32) -> f64 {
 }
 
 /// Ratio by the law less the measured one.
-fn deficit(params: &Params, read: Read) -> f64 {
+fn ratio_residual(params: &Params, read: Read) -> f64 {
     ratio(params, read, kou(params, read)) - f64::from(read[1]) / f64::from(read[0])
 }
 
-/// Deficit per unit of wear (a level more) and of each offset, by differences.
+/// Ratio residual per unit of wear (a level more) and of each offset, by differences.
 fn expected(params: &Params, read: Read) -> (f64, [f64; 5]) {
     let by_law = kou(params, read);
     let wear = (ratio(params, read, 0.8 * by_law) - ratio(params, read, 1.2 * by_law)) / 0.4;
@@ -79,7 +80,7 @@ fn expected(params: &Params, read: Read) -> (f64, [f64; 5]) {
         let by = |half: f32| {
             let mut read = read;
             read[i] += half;
-            deficit(params, read)
+            ratio_residual(params, read)
         };
         let half = OFFSETS[i].half;
         (by(half) - by(-half)) / f64::from(2.0 * half)
@@ -87,8 +88,8 @@ fn expected(params: &Params, read: Read) -> (f64, [f64; 5]) {
     (wear, slopes)
 }
 
-/// Drives at one operating point until the leakage has doubled and the causes of that are looked for; the deficit over each
-/// signature, in the order of [`Cause::ALL`].
+/// Drives at one operating point until the leakage has doubled and its causes are being isolated; the ratio residual over
+/// each signature, in the order of [`Cause::ALL`].
 fn regressed(params: &Params, at: Read) -> Vec<f64> {
     let mut state = State::new();
     let by_law = kou(params, at);
@@ -108,10 +109,14 @@ fn regressed(params: &Params, at: Read) -> Vec<f64> {
     assert_eq!(state.health().last_change().map(|change| change.step), Some(true), "the leak must be found");
     let saved = serde_json::to_value(state.health()).unwrap();
     let sums = |name: &str| -> Vec<f64> {
-        let list = saved["judge"]["diagnosis"][name].as_array().unwrap();
+        let list = saved["diagnosis"]["regression"][name].as_array().unwrap();
         list.iter().map(|value| value.as_f64().unwrap()).collect()
     };
-    sums("with_deficit").iter().zip(sums("with_itself")).map(|(deficit, itself)| deficit / itself).collect()
+    sums("residual_products")
+        .iter()
+        .zip(sums("signature_products"))
+        .map(|(residual, itself)| residual / itself)
+        .collect()
 }
 
 #[test]

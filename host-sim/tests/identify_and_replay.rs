@@ -159,11 +159,11 @@ fn toml_and_record_convert_both_ways_without_loss() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
     identify(&folder, "cal.bin");
-    let from_toml = host_sim::calibration::read(&folder.path("cal.toml")).unwrap();
-    let from_record = host_sim::calibration::read(&folder.path("cal.bin")).unwrap();
+    let from_toml = kou_identify::calibration::read(&folder.path("cal.toml")).unwrap();
+    let from_record = kou_identify::calibration::read(&folder.path("cal.bin")).unwrap();
     assert_eq!(from_toml, from_record);
     let again = folder.path("again.toml");
-    host_sim::calibration::write(&again, &from_record).unwrap();
+    kou_identify::calibration::write(&again, &from_record).unwrap();
     assert_eq!(std::fs::read(again).unwrap(), std::fs::read(folder.path("cal.toml")).unwrap());
 }
 
@@ -171,7 +171,7 @@ fn toml_and_record_convert_both_ways_without_loss() {
 fn prop_every_finite_f32_survives_the_toml_form() {
     let folder = Folder::new();
     identify(&folder, "cal.toml");
-    let good = host_sim::calibration::read(&folder.path("cal.toml")).unwrap();
+    let good = kou_identify::calibration::read(&folder.path("cal.toml")).unwrap();
     // A multiplicative walk through the bit patterns: 20 000 values of every exponent and sign.
     let mut bits = 1_u32;
     let mut buffer = [0_u8; record::calibration::MAX_LEN];
@@ -187,9 +187,9 @@ fn prop_every_finite_f32_survives_the_toml_form() {
             let value = f32::from_bits(bits);
             *slot = if value.is_finite() { value } else { -0.0 };
         }
-        let text = host_sim::calibration::to_toml(&calibration).unwrap();
-        let file = host_sim::input::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
-        let back = host_sim::calibration::from_toml(&file).unwrap();
+        let text = kou_identify::calibration::to_toml(&calibration).unwrap();
+        let file = kou_records::TomlFile::from_text("c.toml".as_ref(), text).unwrap();
+        let back = kou_identify::calibration::from_toml(&file).unwrap();
         // By their records, so that the sign of zero counts.
         let length = record::calibration::encode(&calibration, &mut buffer).unwrap();
         let wanted = buffer[..length].to_vec();

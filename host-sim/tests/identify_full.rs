@@ -7,13 +7,13 @@ mod support;
 use bench::{
     best_quadratic_of, kou_error_of, kou_error_pct, machine, points, points_of, settings, truth, with_noise,
 };
-use host_sim::identify::joint::Prior;
-use host_sim::identify::ratio_model::{At, FullRatio, RatioModel};
-use host_sim::identify::secant::{self, Secant};
-use host_sim::identify::{Identification, joint_scheme, two_step};
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use host_sim::synth::Gaps;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{FullRatio, OperatingPoint, RatioModel};
+use kou_identify::secant::{self, Secant};
+use kou_identify::{Identification, joint_scheme, two_step};
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
 use support::{Folder, json, root};
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
@@ -29,7 +29,7 @@ fn paper(machine: &Machine, points: &[BenchPoint]) -> Identification {
 #[test]
 fn val_case_study_takes_no_more_calls_than_the_paper_from_its_three_intervals() {
     let full = FullRatio::new(&machine("reference.toml")).unwrap();
-    let at = At { n_p_rpm: 999.23, p_h_mpa: 31.06, p_l_mpa: None, t_b_c: 58.24, alpha: 1.0 };
+    let at = OperatingPoint { n_p_rpm: 999.23, p_h_mpa: 31.06, p_l_mpa: None, t_b_c: 58.24, alpha: 1.0 };
     let measured = full.solve(&at, 0.058).unwrap().ratio;
     for (start, published) in [([0.006, 0.09], 3), ([0.036, 0.039], 4), ([0.0015, 0.36], 3)] {
         let coarse = Secant { tolerance: 5e-3, ..Secant::default() };
@@ -180,7 +180,7 @@ fn val_class_a_bench_beats_the_papers_ratio_error_and_the_constant() {
         * rows
             .iter()
             .map(|r| {
-                let at = At {
+                let at = OperatingPoint {
                     n_p_rpm: number(r, "n_p_rpm"),
                     p_h_mpa: number(r, "p_h_mpa"),
                     p_l_mpa: None,

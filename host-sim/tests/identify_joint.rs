@@ -5,16 +5,18 @@ mod bench;
 mod support;
 
 use bench::{machine, points, settings, truth, with_noise};
-use host_sim::calibration;
-use host_sim::full::SimError;
-use host_sim::identify::joint::Prior;
-use host_sim::identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio, Solved};
-use host_sim::identify::{Identification, advice, joint_scheme};
-use host_sim::input::InputError;
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use kou_estimator::Params;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
+use kou_identify::calibration;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{
+    Change, FullRatio, OperatingPoint, RatioModel, ReducedRatio, Solved, operating_point,
+};
+use kou_identify::{Identification, advice, joint_scheme};
+use kou_lumped::SimError;
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
+use kou_records::InputError;
 
 fn joint(machine: &Machine, points: &[BenchPoint], prior: &Prior) -> Identification {
     joint_scheme::identify(machine, points, &settings(), None, prior).unwrap()
@@ -28,7 +30,7 @@ struct Frozen<'a> {
 }
 
 impl RatioModel for Frozen<'_> {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         let same = |p: &BenchPoint| p.n_p_rpm == at.n_p_rpm && p.p_h_mpa == at.p_h_mpa && p.t_b_c == at.t_b_c;
         let known = self.points.iter().position(same).map_or(0.0, |i| self.distance[i]);
         Ok(Solved { ratio: self.reduced.ratio(at, kou) + known, p_l_mpa: 1.5 })
@@ -46,7 +48,7 @@ fn val_intervals_hold_the_true_coefficient_although_the_bulk_modulus_is_wrong() 
     let bench = points(&truly, &FullRatio::new(&truly).unwrap(), false);
     let reduced = ReducedRatio::new(&truly).unwrap();
     let distance: Vec<f64> =
-        bench.iter().map(|p| p.ratio - reduced.ratio(&At::from(p), truth(&truly, p))).collect();
+        bench.iter().map(|p| p.ratio - reduced.ratio(&operating_point(p), truth(&truly, p))).collect();
     for factor in [0.9, 1.1] {
         let file = truly.with_bulk_modulus_factor(factor).unwrap();
         let model =
@@ -76,8 +78,8 @@ fn val_leave_one_out_is_what_a_fit_without_the_point_predicts() {
         let rest: Vec<BenchPoint> =
             bench.iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, p)| *p).collect();
         let without = joint(&machine, &rest, &Prior::default());
-        let at = At::from(&bench[left_out]);
-        let kou = host_sim::identify::evaluate(&without.fit, &bench[left_out]);
+        let at = operating_point(&bench[left_out]);
+        let kou = kou_identify::evaluate(&without.fit, &bench[left_out]);
         let model = ReducedRatio::new(&machine).unwrap().with_change(without.change).unwrap();
         let refit = model.ratio(&at, kou) / bench[left_out].ratio - 1.0;
         let by_leverage = whole.points[left_out].leave_one_out;
@@ -129,7 +131,7 @@ fn controller_states_the_same_standard_error_as_the_report() {
         }
     }
     let mut wrong = result.calibration.clone();
-    wrong.law.error_root.fourth[1] = f32::NAN;
+    wrong.law.covariance_factor.fourth[1] = f32::NAN;
     assert_eq!(Params::new(&wrong).unwrap_err().field, "law.error_root");
 }
 
@@ -140,13 +142,13 @@ fn advice_keeps_its_promise_when_it_is_followed() {
     let prior = Prior::default();
     let mut bench = points(&machine, &reduced, false);
     let now = joint(&machine, &bench, &prior);
-    let measured: Vec<At> = bench.iter().map(At::from).collect();
+    let measured: Vec<OperatingPoint> = bench.iter().map(operating_point).collect();
     let proposals =
         advice::advise(&measured, &now.fit, &reduced, now.solution.as_ref().unwrap(), &prior).unwrap();
     let best = proposals.first().unwrap();
     assert!(best.points.len() == 6 && best.kou_se_then_pct < 0.7 * best.kou_se_now_pct, "{best:?}");
     for [n, p, t, alpha] in &best.points {
-        let at = At { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: *alpha };
+        let at = OperatingPoint { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: *alpha };
         let ratio = reduced.ratio(&at, bench::truth_at(&machine, *n, *p, *t));
         bench.push(BenchPoint {
             line: 99,
@@ -176,7 +178,7 @@ fn advice_keeps_its_promise_when_it_is_followed() {
 struct StandIn(ReducedRatio);
 
 impl RatioModel for StandIn {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         let ratio = self.0.ratio(at, 1.05 * kou + 0.1 * kou * kou) - 1e-3 * (at.p_h_mpa / 30.0).powf(1.5);
         Ok(Solved { ratio, p_l_mpa: 1.5 })
     }

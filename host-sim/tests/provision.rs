@@ -42,9 +42,9 @@ fn decoded(page: &[u8; provision::LEN]) -> Option<Calibration> {
 fn a_page_gives_the_controller_the_very_calibration_and_key_and_nothing_that_was_not_given() {
     let folder = Folder::new();
     let toml = calibrated(&folder, "A");
-    let given = host_sim::calibration::read(&toml).unwrap();
+    let given = kou_identify::calibration::read(&toml).unwrap();
     let binary = folder.path("cal.bin");
-    host_sim::calibration::write(&binary, &given).unwrap();
+    kou_identify::calibration::write(&binary, &given).unwrap();
     let raw = folder.write("raw.key", secret());
     let text = folder.write("text.key", format!("{}\n", digits(&secret())));
     let out = folder.path("page.bin");
@@ -89,8 +89,8 @@ fn a_calibration_that_the_controller_would_refuse_is_refused_by_the_name_of_its_
         assert!(!out.exists(), "{name}");
     }
     let binary = folder.path("cal.bin");
-    let given = host_sim::calibration::read(&toml).unwrap();
-    host_sim::calibration::write(&binary, &given).unwrap();
+    let given = kou_identify::calibration::read(&toml).unwrap();
+    kou_identify::calibration::write(&binary, &given).unwrap();
     let mut bytes = std::fs::read(&binary).unwrap();
     bytes[100] ^= 1;
     let error = failure(2, command(Some(&folder.write("damaged.bin", bytes)), None, &out));

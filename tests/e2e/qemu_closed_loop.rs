@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use clap::Parser;
-use host_sim::calibration;
 use host_sim::commands::identify;
-use host_sim::input::TomlFile;
-use host_sim::machine::Machine;
 use host_sim::pil::plant::{self, CONTROLLER, LoopReport, Scenario};
 use host_sim::pil::{PilError, PilOptions};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::SensorErrors;
 use kou_estimator::units::{Celsius, Ratio};
+use kou_identify::calibration;
+use kou_lumped::machine::Machine;
+use kou_records::TomlFile;
 use kou_tests::{record_of, set_up};
 
 fn root() -> PathBuf {

@@ -13,8 +13,6 @@ use std::task::{Context, Waker};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
-use host_sim::input::TomlFile;
-use host_sim::machine::Machine;
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
     CanInterface, CanPort, Controller, Estimator, FrontEnd, NoEstimate, Publish, SensorsMemory, StartReason,
@@ -33,6 +31,8 @@ use kou_emulation::RamFlash;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
+use kou_lumped::machine::Machine;
+use kou_records::TomlFile;
 use kou_tests::{record_of, reference_calibration};
 
 /// One minute, with idling, partial and reversed displacement, and a failing sensor.

@@ -10,12 +10,15 @@ mod firmware;
 mod host_sim;
 mod panic_path;
 mod setup;
+mod source_check;
 mod test;
 mod workspace;
 
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+
+use workspace::Workspace;
 
 const USAGE: &str = "\
 Usage: cargo xtask <command>
@@ -24,6 +27,8 @@ Usage: cargo xtask <command>
   demo             the main job: identify a calibration, replay a log on the host and in firmware, compare every bit
   test             everything: format, lints, docs, host tests, firmware builds, QEMU tests, panic paths, budgets
   budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
+  arrows           forbidden dependencies between crates and modules (xtask/arrows.toml), and circles of imports
+  docs             links, paths, commands and names in README.md and docs/ against the sources
   stacks           which functions take the deepest stack: of the estimator, and of the vehicle's firmware by executor
   help             this text";
 
@@ -46,6 +51,8 @@ fn run(words: &[&str]) -> Result<ExitCode> {
         ["test"] => return test::run(),
         ["budgets"] => return budgets::run(false),
         ["budgets", "--json"] => return budgets::run(true),
+        ["arrows"] => source_check::arrows(&Workspace::load()?)?,
+        ["docs"] => source_check::docs(&Workspace::load()?)?,
         ["stacks"] => budgets::stacks()?,
         [] | ["help" | "--help" | "-h"] => println!("{USAGE}"),
         other => bail!("`{}` is not a command of xtask\n\n{USAGE}", other.join(" ")),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use kou_app::j1939::dbc;
 
 use super::{Failure, print_text};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Writes the DBC file of the controller's CAN messages.
 #[derive(Debug, clap::Args)]

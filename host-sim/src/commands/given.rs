@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 
 use kou_estimator::{Calibration, Params};
 
-use crate::calibration::{self, SensorClass, Settings};
-use crate::identify::joint::Prior;
-use crate::input::InputError;
-use crate::machine::Machine;
-use crate::record::{BenchPoint, read_bench, without_repeats};
-use crate::table::Mapping;
+use super::Failure;
+use kou_identify::calibration::{self, SensorClass, Settings};
+use kou_identify::joint::Prior;
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
+use kou_records::Mapping;
+use kou_records::{BenchPoint, read_bench, without_repeats};
 
 /// Bench points, machine and prior knowledge.
 #[derive(Debug, clap::Args)]
@@ -66,9 +67,13 @@ impl Given {
     ///
     /// # Errors
     /// A file that cannot be read or says something impossible.
-    pub fn read(&self) -> Result<Read, InputError> {
+    pub fn read(&self) -> Result<Read, Failure> {
         let machine = Machine::load(&self.machine)?;
-        let points = read_bench(&self.bench, &mapping(self.map.as_deref())?, &machine)?;
+        let points = read_bench(
+            &self.bench,
+            &mapping(self.map.as_deref())?,
+            machine.reference_displacement_cm3_per_rev(),
+        )?;
         let (points, repeated) = without_repeats(points);
         let settings = Settings {
             serial: self.serial.clone(),
@@ -104,14 +109,15 @@ impl Calibrated {
     /// # Errors
     /// A file that cannot be read or says something impossible, a calibration that the controller would refuse or that is
     /// of another type of machine.
-    pub fn read(&self) -> Result<(Machine, Calibration, Params), InputError> {
+    pub fn read(&self) -> Result<(Machine, Calibration, Params), Failure> {
         let machine = Machine::load(&self.machine)?;
         let (calibration, params) = calibration::read_checked(&self.calibration)?;
         if calibration.machine.name.as_str() != machine.name() {
-            return Err(InputError::new("is of another machine than the machine file")
+            let error = InputError::new("is of another machine than the machine file")
                 .at_file(&self.calibration)
                 .with_value(&calibration.machine.name)
-                .with_allowed(machine.name()));
+                .with_allowed(machine.name());
+            return Err(error.into());
         }
         Ok((machine, calibration, params))
     }

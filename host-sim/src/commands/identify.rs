@@ -7,15 +7,13 @@ use serde_json::{Map, Value, json};
 
 use super::given::{Given, Read, positive};
 use super::{Failure, print_json, print_text};
-use crate::calibration::{self, Settings};
-use crate::identify::memory::Memory;
-use crate::identify::ratio_model::{At, FullRatio, RatioModel, ReducedRatio};
-use crate::identify::secant::Secant;
-use crate::identify::{
-    Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step,
-};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_identify::calibration::{self, Settings};
+use kou_identify::memory::Memory;
+use kou_identify::ratio_model::{FullRatio, OperatingPoint, RatioModel, ReducedRatio, operating_point};
+use kou_identify::secant::Secant;
+use kou_identify::{Identification, Refusal, TERMS, advice, coefficients, joint_scheme, physical, two_step};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 /// Model that the identification inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -95,7 +93,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     calibration::write(&args.out, &result.calibration)?;
     let advice = match &result.solution {
         Some(solution) => {
-            let measured: Vec<At> = result.points.iter().map(|p| At::from(&p.point)).collect();
+            let measured: Vec<OperatingPoint> =
+                result.points.iter().map(|p| operating_point(&p.point)).collect();
             advice::advise(&measured, &result.fit, &ReducedRatio::new(&machine)?, solution, &prior)?
         }
         None => Vec::new(),

@@ -5,8 +5,8 @@ use std::path::Path;
 use plotters::prelude::*;
 
 use super::Failure;
-use crate::columns::Columns;
-use crate::input::InputError;
+use crate::plots::decimator::Columns;
+use kou_records::InputError;
 
 const SIZE: (u32, u32) = (900, 560);
 const COLOURS: [RGBColor; 4] =

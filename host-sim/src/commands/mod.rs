@@ -19,7 +19,7 @@ pub mod verify;
 
 use std::process::ExitCode;
 
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Why a command did not end well.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +27,9 @@ pub enum Failure {
     /// Bad input: exit code 2.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// Bad machine file or value for the lumped model: exit code 2.
+    #[error(transparent)]
+    Machine(#[from] kou_lumped::InvalidInput),
     /// A check failed: exit code 1.
     #[error("{0}")]
     Check(String),
@@ -37,7 +40,7 @@ impl Failure {
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Input(_) => ExitCode::from(2),
+            Self::Input(_) | Self::Machine(_) => ExitCode::from(2),
             Self::Check(_) => ExitCode::from(1),
         }
     }

@@ -11,14 +11,14 @@ use serde::Serialize;
 
 use super::lines::{Lines, Series};
 use super::{Failure, print_json, print_text, progress};
-use crate::full::integrator::Integrator;
-use crate::full::oil::ATMOSPHERE_PA;
-use crate::full::run::run as run_steps;
-use crate::full::transient::{StepResponse, swash_step};
-use crate::full::waveforms::Recorder;
-use crate::full::{Held, Model, Operating, Settings, SteadyPoint};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_lumped::integrator::Integrator;
+use kou_lumped::machine::Machine;
+use kou_lumped::oil::ATMOSPHERE_PA;
+use kou_lumped::run::run as run_steps;
+use kou_lumped::transient::{StepResponse, swash_step};
+use kou_lumped::waveforms::Recorder;
+use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint};
+use kou_records::InputError;
 
 /// Conditions of the paper's figures 7 and 8.
 const SPEED_RPM: f64 = 2000.0;
@@ -109,12 +109,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn at(held: Held, n_p_rpm: f64, kou: f64) -> Operating {
-    Operating { n_p_rpm, held, t_b_c: T_B_C, alpha: 1.0, kou_l_min_mpa: kou }
+fn at(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> SteadyCase {
+    SteadyCase { n_p_rpm, condition, t_b_c: T_B_C, alpha: 1.0, kou_l_min_mpa: kou }
 }
 
 fn step(model: &Model, kou: f64) -> Result<StepResponse, Failure> {
-    Ok(swash_step(model, &at(Held::LoadNm(LOAD_NM), SPEED_RPM, kou), &Settings::default(), 2.0)?)
+    Ok(swash_step(model, &at(LoadCondition::LoadNm(LOAD_NM), SPEED_RPM, kou), &Settings::default(), 2.0)?)
 }
 
 /// High pressure, ratio without and with leakage.
@@ -124,7 +124,8 @@ fn ratio_curves(model: &Model) -> Result<Vec<[f64; 3]>, Failure> {
         .into_par_iter()
         .map(|p| {
             let ratio = |kou| {
-                SteadyPoint::solve(model, &at(Held::HighPressureMpa(p), SPEED_RPM, kou)).map(|s| s.ratio)
+                SteadyPoint::solve(model, &at(LoadCondition::HighPressureMpa(p), SPEED_RPM, kou))
+                    .map(|s| s.ratio)
             };
             Ok([p, ratio(0.0)?, ratio(KOU_LOSS)?])
         })
@@ -169,7 +170,7 @@ fn ripple(model: &Model) -> Result<Lines, Failure> {
     let settings = Settings { step_deg: 0.1, ..Settings::default() };
     let mut series = Vec::new();
     for p in [20.0, 40.0] {
-        let operating = at(Held::HighPressureMpa(p), RIPPLE_RPM, KOU_RIPPLE);
+        let operating = at(LoadCondition::HighPressureMpa(p), RIPPLE_RPM, KOU_RIPPLE);
         let plant = model.plant(operating.t_b_c, operating.kou_l_min_mpa)?;
         let (_, mut state, inputs) = SteadyPoint::solve_state(&plant, model, &operating, &settings)?;
         let mut integrator = Integrator::new(&plant, settings.method);

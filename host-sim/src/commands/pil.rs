@@ -12,13 +12,13 @@ use serde::Serialize;
 use super::given::mapping;
 use super::replay::figures_text;
 use super::{Failure, print_json, print_text, progress};
-use crate::calibration;
-use crate::input::InputError;
-use crate::machine::Machine;
 use crate::pil::plant::{self, LoopError, LoopReport, Scenario};
 use crate::pil::{self, PilError, PilOptions, PilReport, same_bits};
-use crate::record::{LogReader, LogRow};
 use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
+use kou_identify::calibration;
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
+use kou_records::{LogReader, LogRow};
 
 /// Streams a log through the firmware in QEMU and compares its estimates with the host's; or drives the controller's firmware
 /// through a scenario, with a simulated vehicle around it.
@@ -174,7 +174,8 @@ fn stream(
 /// The binary record of a calibration.
 fn record_of(calibration: &Calibration) -> Result<Vec<u8>, InputError> {
     let mut buffer = vec![0; record::calibration::MAX_LEN];
-    let length = record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+    let length =
+        record::calibration::encode(calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
     buffer.truncate(length);
     Ok(buffer)
 }

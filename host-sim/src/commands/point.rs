@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::full::{Held, Model, Operating, Settings, SimError};
-use crate::machine::Machine;
+use kou_lumped::machine::Machine;
+use kou_lumped::{LoadCondition, Model, Settings, SimError, SteadyCase};
 
 use super::Failure;
 
@@ -37,10 +37,10 @@ impl Point {
     }
 
     /// The operating point with what is held at the motor.
-    pub(super) fn operating(&self, held: Held) -> Operating {
-        Operating {
+    pub(super) fn operating(&self, condition: LoadCondition) -> SteadyCase {
+        SteadyCase {
             n_p_rpm: self.n_p_rpm,
-            held,
+            condition,
             t_b_c: self.t_b_c,
             alpha: self.alpha,
             kou_l_min_mpa: self.kou,
@@ -56,10 +56,10 @@ impl Point {
 impl From<SimError> for Failure {
     fn from(error: SimError) -> Self {
         match error {
-            SimError::Input(error) => Self::Input(error),
+            SimError::Input(error) => error.into(),
             // What was asked for does not exist: the input's fault.
             SimError::Unreachable { .. } | SimError::Output(_) => {
-                Self::Input(crate::input::InputError::new(error.to_string()))
+                Self::Input(kou_records::InputError::new(error.to_string()))
             }
             other => Self::Check(other.to_string()),
         }

@@ -9,9 +9,9 @@ use kou_emulation::provisioning;
 use kou_estimator::record;
 
 use super::Failure;
-use crate::calibration;
-use crate::input::InputError;
 use crate::update::read_key_bytes;
+use kou_identify::calibration;
+use kou_records::InputError;
 
 /// Writes the image of the provisioning page: the controller's key, and a calibration to begin with.
 ///
@@ -44,8 +44,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let record = match &args.calibration {
         Some(path) => {
             let (calibration, _) = calibration::read_checked(path)?;
-            let length =
-                record::calibration::encode(&calibration, &mut buffer).map_err(|e| InputError::new(e.to_string()))?;
+            let length = record::calibration::encode(&calibration, &mut buffer)
+                .map_err(|e| InputError::new(e.to_string()))?;
             buffer.get(..length)
         }
         None => None,

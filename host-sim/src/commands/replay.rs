@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::given::mapping;
 use super::{Failure, print_json, print_text, progress};
-use crate::calibration;
-use crate::record::LogReader;
 use crate::replay::{EstimateWriter, Figures, HealthFigures, HealthSummary, Summary, Trace, draw};
+use kou_identify::calibration;
+use kou_records::LogReader;
 
 /// Replays a log through the estimator.
 #[derive(Debug, clap::Args)]

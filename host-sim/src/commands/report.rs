@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use super::given::{Given, Read};
 use super::{Failure, print_text};
-use crate::identify::ratio_model::FullRatio;
-use crate::input::InputError;
 use crate::report::{self, Study};
+use kou_identify::ratio_model::FullRatio;
+use kou_records::InputError;
 
 /// Writes a report on bench points: one HTML file with plots, for mail and paper.
 #[derive(Debug, clap::Args)]

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::point::Point;
 use super::{Failure, print_json, print_text};
-use crate::full::integrator::Integrator;
-use crate::full::run::run as run_steps;
-use crate::full::waveforms::Recorder;
-use crate::full::{Held, Settings, SteadyPoint};
+use kou_lumped::integrator::Integrator;
+use kou_lumped::run::run as run_steps;
+use kou_lumped::waveforms::Recorder;
+use kou_lumped::{LoadCondition, Settings, SteadyPoint};
 
 /// Step of recorded waveforms: chamber pressures are then within 0.2 % of their peak to peak (see
 /// docs/full-model/integration.md).
@@ -65,15 +65,15 @@ struct Report {
 /// # Errors
 /// Bad input, a point that does not exist, or no convergence.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let held = match (args.p_h_mpa, args.load_nm) {
-        (Some(p), _) => Held::HighPressureMpa(p),
-        (None, Some(load)) => Held::LoadNm(load),
+    let condition = match (args.p_h_mpa, args.load_nm) {
+        (Some(p), _) => LoadCondition::HighPressureMpa(p),
+        (None, Some(load)) => LoadCondition::LoadNm(load),
         (None, None) => {
-            return Err(crate::input::InputError::new("give --p-h-mpa or --load-nm").into());
+            return Err(kou_records::InputError::new("give --p-h-mpa or --load-nm").into());
         }
     };
     let model = args.point.model()?;
-    let operating = args.point.operating(held);
+    let operating = args.point.operating(condition);
     let started = Instant::now();
     let point = SteadyPoint::solve_with(&model, &operating, &args.point.settings())?;
     let wall_seconds = started.elapsed().as_secs_f64();
@@ -99,13 +99,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 fn write_waveforms(
     args: &Args,
-    model: &crate::full::Model,
-    operating: &crate::full::Operating,
+    model: &kou_lumped::Model,
+    operating: &kou_lumped::SteadyCase,
     path: &std::path::Path,
 ) -> Result<(), Failure> {
-    let turns = crate::input::Range::new(0.01, 200.0, "revolutions");
+    let turns = kou_records::Range::new(0.01, 200.0, "revolutions");
     if !turns.contains(args.revolutions) {
-        let error = crate::input::InputError::new("length of the waveforms is out of range");
+        let error = kou_records::InputError::new("length of the waveforms is out of range");
         return Err(error.with_value(args.revolutions).with_allowed(turns).into());
     }
     let settings = Settings { step_deg: args.point.step_deg.min(WAVEFORM_STEP_DEG), ..Settings::default() };

@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::lines::{Lines, Series};
 use super::point::Point;
 use super::{Failure, print_json, print_text};
-use crate::full::Held;
-use crate::full::transient::swash_step;
+use kou_lumped::LoadCondition;
+use kou_lumped::transient::swash_step;
 
 /// Simulates the swash plate's step to a displacement, the motor starting from rest against a resistive load.
 #[derive(Debug, clap::Args)]
@@ -51,7 +51,7 @@ struct Report {
 /// Bad input, a load that cannot be turned, or a response that does not settle in time.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let model = args.point.model()?;
-    let operating = args.point.operating(Held::LoadNm(args.load_nm));
+    let operating = args.point.operating(LoadCondition::LoadNm(args.load_nm));
     let started = Instant::now();
     let response = swash_step(&model, &operating, &args.point.settings(), args.duration_s)?;
     let wall_seconds = started.elapsed().as_secs_f64();

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use super::Failure;
 use super::identify::Model;
-use crate::calibration::SensorClass;
-use crate::identify::ratio_model::{FullRatio, RatioModel, ReducedRatio};
-use crate::input::InputError;
-use crate::machine::Machine;
 use crate::synth::{BENCH, DRIVE, Instruments, write_bench, write_drive};
+use kou_identify::calibration::SensorClass;
+use kou_identify::ratio_model::{FullRatio, RatioModel, ReducedRatio};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 /// Makes synthetic records from the full model and a leakage truth that is not quadratic.
 #[derive(Debug, clap::Args)]

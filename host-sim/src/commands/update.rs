@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use super::{Failure, print_text};
-use crate::calibration;
-use crate::input::InputError;
 use crate::update::{Addresses, candump, frames, read_key};
+use kou_identify::calibration;
+use kou_records::InputError;
 
 /// Writes the CAN frames that bring a calibration into a controller, as a log in candump's format.
 ///

@@ -3,7 +3,7 @@
 //! The full model is of the machine as identified: displacement and bulk modulus of the calibration, not of the file.
 //! Points fill the envelope and are none of those to which the surrogate was fitted.
 
-use kou_estimator::model::flow_balance::OperatingPoint;
+use kou_estimator::model::flow_balance::OperatingPoint as EstimatorPoint;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Params, Reading, Sample, State, step};
 use rayon::prelude::*;
@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use super::given::Calibrated;
 use super::{Failure, print_json, print_text};
-use crate::identify::envelope::Envelope;
-use crate::identify::ratio_model::{At, Change, FullRatio, RatioModel, ReducedRatio};
-use crate::identify::surrogate;
-use crate::input::InputError;
-use crate::machine::Machine;
 use crate::replay::reason_label;
+use kou_identify::envelope::Envelope;
+use kou_identify::ratio_model::{Change, FullRatio, OperatingPoint, RatioModel, ReducedRatio};
+use kou_identify::surrogate;
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 /// Allowed mean and largest error of the ratio, and mean error of Kou by the inverse in per cent.
 const LIMITS: [f64; 3] = [1e-4, 5e-4, 0.5];
@@ -104,8 +104,8 @@ fn change_of(calibration: &Calibration, machine: &Machine) -> Change {
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the estimator works in f32")]
-fn compare(params: &Params, at: &At, kou: f64, ratio_full: f64) -> Result<Compared, Failure> {
-    let point = OperatingPoint {
+fn compare(params: &Params, at: &OperatingPoint, kou: f64, ratio_full: f64) -> Result<Compared, Failure> {
+    let point = EstimatorPoint {
         pump_speed: RevPerMin(at.n_p_rpm as f32),
         high_pressure: Megapascal(at.p_h_mpa as f32),
         low_pressure: params.low_pressure(),

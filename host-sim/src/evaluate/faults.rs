@@ -5,8 +5,8 @@ use std::sync::Arc;
 use kou_estimator::CalibrationError;
 use kou_estimator::Params;
 use kou_estimator::health::Cause;
-use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::model::flow_balance::ReducedModel;
+use kou_estimator::model::oil_compression::OilConfig;
 
 use super::world::{Event, Fault};
 

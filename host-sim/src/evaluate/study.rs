@@ -1,6 +1,6 @@
 //! Monte Carlo: many worlds, each driven for some hours, and what the estimator made of them.
 
-use kou_estimator::health::{Cause, Causes, Health, DtcStatus};
+use kou_estimator::health::{Cause, Causes, DtcStatus, Health};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -9,7 +9,7 @@ use super::coverage::Looks;
 use super::drive::PERIOD_S;
 use super::noise::Noise;
 use super::world::{Event, World};
-use crate::calibration::SensorClass;
+use kou_identify::calibration::SensorClass;
 
 /// What is common to the runs of a study.
 #[derive(Debug, Clone)]

@@ -8,7 +8,7 @@ use kou_estimator::{Params, Reading, Sample};
 
 use super::drive::{Drive, PERIOD_S, Point};
 use super::noise::Noise;
-use crate::calibration::SensorClass;
+use kou_identify::calibration::SensorClass;
 
 /// What goes wrong with a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]

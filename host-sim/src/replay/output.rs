@@ -7,8 +7,8 @@ use kou_estimator::{Estimate, Expected, Observed};
 
 use super::health::{cause_names, gate_label, stage_name};
 use super::reason_label;
-use crate::input::InputError;
-use crate::record::LogRow;
+use kou_records::InputError;
+use kou_records::LogRow;
 
 const COLUMNS: [&str; 22] = [
     "time_s",

@@ -6,8 +6,8 @@ use kou_estimator::Estimate;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::columns::Columns;
-use crate::input::InputError;
+use crate::plots::decimator::Columns;
+use kou_records::InputError;
 
 const SIZE: (u32, u32) = (1100, 900);
 const MEASURED: RGBColor = RGBColor(31, 119, 180);

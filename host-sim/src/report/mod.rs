@@ -17,7 +17,7 @@ mod tables;
 
 pub use study::Study;
 
-use crate::machine::Machine;
+use kou_lumped::machine::Machine;
 
 /// Skeleton with style and script.
 const PAGE: &str = include_str!("page.html");

@@ -1,9 +1,9 @@
 //! The charts of a report.
 
-use crate::identify::{Identification, evaluate, normalised, phi};
-use crate::machine::Machine;
-use crate::record::BenchPoint;
 use crate::synth::viscosity_mm2_s;
+use kou_identify::{Identification, evaluate, normalised, phi};
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
 
 use super::chart::{Chart, Point, Series, Style};
 use super::study::{Study, extent};
@@ -86,7 +86,7 @@ fn fig13(study: &Study) -> Chart {
     }
 }
 
-fn error_of(p: &crate::identify::PointResult) -> f64 {
+fn error_of(p: &kou_identify::PointResult) -> f64 {
     100.0 * (p.ratio_by_law / p.point.ratio - 1.0)
 }
 
@@ -169,7 +169,7 @@ fn fig16(machine: &Machine, study: &Study) -> Chart {
 
 fn residual_ratio(study: &Study) -> Chart {
     let (good, outliers): (Vec<_>, Vec<_>) = study.joint.points.iter().partition(|p| !p.is_outlier());
-    let of = |points: Vec<&crate::identify::PointResult>| {
+    let of = |points: Vec<&kou_identify::PointResult>| {
         points.into_iter().map(|p| (p.point.p_h_mpa, error_of(p), None)).collect()
     };
     Chart {

@@ -5,16 +5,16 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::calibration::Settings;
-use crate::full::SimError;
-use crate::identify::advice::{self, Proposal};
-use crate::identify::joint::Prior;
-use crate::identify::ratio_model::{At, Change, RatioModel, ReducedRatio, Solved};
-use crate::identify::secant::{self, Secant};
-use crate::identify::{Identification, evaluate, joint_scheme, two_step};
-use crate::input::InputError;
-use crate::machine::Machine;
-use crate::record::BenchPoint;
+use kou_identify::advice::{self, Proposal};
+use kou_identify::calibration::Settings;
+use kou_identify::joint::Prior;
+use kou_identify::ratio_model::{Change, OperatingPoint, RatioModel, ReducedRatio, Solved, operating_point};
+use kou_identify::secant::{self, Secant};
+use kou_identify::{Identification, evaluate, joint_scheme, two_step};
+use kou_lumped::SimError;
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
+use kou_records::InputError;
 
 /// One search of the secant method: where it started and what it was told.
 #[derive(Debug, Clone)]
@@ -53,7 +53,7 @@ struct Recorder<'a> {
 }
 
 impl RatioModel for Recorder<'_> {
-    fn solve(&self, at: &At, kou: f64) -> Result<Solved, SimError> {
+    fn solve(&self, at: &OperatingPoint, kou: f64) -> Result<Solved, SimError> {
         let solved = self.model.solve(at, kou)?;
         self.calls.lock().unwrap_or_else(PoisonError::into_inner).push((kou, solved.ratio));
         Ok(solved)
@@ -85,7 +85,9 @@ impl Study {
         let constant_error_pct = used
             .par_iter()
             .map(|p| {
-                found.solve(&At::from(p), constant).map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0))
+                found
+                    .solve(&operating_point(p), constant)
+                    .map_or(f64::NAN, |s| 100.0 * (s.ratio / p.ratio - 1.0))
             })
             .collect();
 
@@ -105,7 +107,7 @@ impl Study {
                     alpha: 1.0,
                     ratio: 1.0,
                 };
-                let at = At::from(&point);
+                let at = operating_point(&point);
                 let free = found.solve(&at, 0.0).ok()?.ratio;
                 let leaking = found.solve(&at, evaluate(&joint.fit, &point).max(0.0)).ok()?.ratio;
                 Some((p_h_mpa, free, leaking))
@@ -113,7 +115,7 @@ impl Study {
             .collect();
 
         let case = case_study(&used, found.as_ref());
-        let measured: Vec<At> = used.iter().map(At::from).collect();
+        let measured: Vec<OperatingPoint> = used.iter().map(operating_point).collect();
         let advice = match &joint.solution {
             Some(solution) => {
                 advice::advise(&measured, &joint.fit, &ReducedRatio::new(machine)?, solution, prior)?
@@ -136,7 +138,7 @@ fn case_study(used: &[BenchPoint], model: &dyn RatioModel) -> (BenchPoint, Vec<S
         .map(|start| {
             let recorder = Recorder { model, calls: Mutex::new(Vec::new()) };
             // A search that does not end is shown as far as it went.
-            drop(secant::solve(&recorder, &At::from(&point), point.ratio, start, &Secant::default()));
+            drop(secant::solve(&recorder, &operating_point(&point), point.ratio, start, &Secant::default()));
             Search { start, calls: recorder.calls.into_inner().unwrap_or_else(PoisonError::into_inner) }
         })
         .collect();

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::identify::{Identification, TERMS, coefficients, physical};
+use kou_identify::{Identification, TERMS, coefficients, physical};
 
 use super::chart::escape;
 use super::study::Study;

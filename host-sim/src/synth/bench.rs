@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use crate::identify::ratio_model::{At, RatioModel};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_identify::ratio_model::{OperatingPoint, RatioModel};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 /// Set points of the paper's test grid: r/min, MPa, degC.
 const SPEEDS: [f64; 3] = [1000.0, 2000.0, 2800.0];
@@ -64,7 +64,7 @@ pub fn write_bench(
         .map(|[n, p, t, alpha]| {
             let kou = kou_truth(machine, *n, *p, *t);
             let truly = if *alpha < 1.0 { alpha * (1.0 + SETTING_ERROR) } else { 1.0 };
-            let at = At { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: truly };
+            let at = OperatingPoint { n_p_rpm: *n, p_h_mpa: *p, p_l_mpa: None, t_b_c: *t, alpha: truly };
             let solved =
                 model.solve(&at, kou).map_err(|e| InputError::new(format!("{n} r/min, {p} MPa: {e}")))?;
             Ok((solved.ratio, kou))

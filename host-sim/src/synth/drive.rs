@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::instruments::Instruments;
 use super::kou_truth;
-use crate::identify::ratio_model::{At, RatioModel, ReducedRatio};
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_identify::ratio_model::{OperatingPoint, RatioModel, ReducedRatio};
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 const PERIOD_S: f64 = 0.1;
 const ROWS: u32 = 4800;
@@ -82,7 +82,7 @@ fn true_ratios(machine: &Machine, model: &dyn RatioModel) -> Result<Vec<f64>, In
     let at = |row: usize| {
         let time_s = row as f64 * PERIOD_S;
         let [n_p_rpm, p_h_mpa, t_b_c, alpha] = operating_point(time_s);
-        (At { n_p_rpm, p_h_mpa, p_l_mpa: None, t_b_c, alpha }, true_kou(machine, time_s))
+        (OperatingPoint { n_p_rpm, p_h_mpa, p_l_mpa: None, t_b_c, alpha }, true_kou(machine, time_s))
     };
     let rows = ROWS as usize;
     let corrections: Vec<f64> = (0..=rows / KNOT)

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
-use crate::calibration::SensorClass;
+use kou_identify::calibration::SensorClass;
 
 /// Standard deviations of the random error of one reading.
 #[derive(Debug, Clone, Copy)]

@@ -12,7 +12,7 @@
 //! its leakage loss at 2000 r/min (about 0.10). No quadratic in speed, pressure and temperature reproduces it: over the
 //! paper's 45 points the best one misses it by 1.8 % on average and 5.6 % at worst.
 
-use crate::machine::Machine;
+use kou_lumped::machine::Machine;
 
 /// Kinematic viscosity of the machine's oil by Walther's law, mm2/s (ASTM D341).
 #[must_use]

@@ -1,12 +1,12 @@
 //! Synthetic bench points in memory: the paper's grid, with a model as truth.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-use host_sim::calibration::{SensorClass, Settings};
-use host_sim::identify::ratio_model::{At, RatioModel};
-use host_sim::identify::{Identification, TERMS, normalised, phi};
-use host_sim::machine::Machine;
-use host_sim::record::BenchPoint;
 use host_sim::synth::{Gaps, PARTIAL};
+use kou_identify::calibration::{SensorClass, Settings};
+use kou_identify::ratio_model::{OperatingPoint, RatioModel};
+use kou_identify::{Identification, TERMS, normalised, phi};
+use kou_lumped::machine::Machine;
+use kou_records::BenchPoint;
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -47,7 +47,7 @@ pub fn points_of(gaps: &Gaps, machine: &Machine, model: &dyn RatioModel, partial
         .enumerate()
         .map(|(i, [n, p, t, alpha])| {
             let truly = if alpha < 1.0 { 1.004 * alpha } else { 1.0 };
-            let at = At { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: truly };
+            let at = OperatingPoint { n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha: truly };
             let ratio = model.solve(&at, gaps.kou(machine, n, p, t)).unwrap().ratio;
             BenchPoint { line: i as u64 + 2, n_p_rpm: n, p_h_mpa: p, p_l_mpa: None, t_b_c: t, alpha, ratio }
         })

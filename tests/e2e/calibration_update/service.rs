@@ -3,8 +3,8 @@
 use kou_app::storage::{HealthRecord, UpdateCounter};
 use kou_app::update::{CommandOutcome, UpdateService};
 use kou_emulation::ram_flash::Torn;
-use kou_estimator::record;
 use kou_estimator::health::HealthState;
+use kou_estimator::record;
 use kou_tests::reference_params;
 
 use super::*;

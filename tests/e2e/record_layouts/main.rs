@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 
 use kou_app::diagnostics::FaultMemory;
 use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, UpdateCounter};
-use kou_estimator::record;
 use kou_estimator::{Calibration, State, record};
 use serde::Deserialize;
 use shape::Shape;

@@ -10,18 +10,18 @@ const LOG: &str = "defmt_rtt7channel";
 
 /// Tasks, by what they alone call.
 const SAMPLE: Reach = Reach::Calling(TASKS, "AnalogState7observe");
-const ESTIMATE: Reach = Reach::Calling(TASKS, "controller8estimate5cycle");
+const ESTIMATE: Reach = Reach::Calling(TASKS, "controller8estimate4turn");
 const PUBLISH: Reach = Reach::Calling(TASKS, "j19396signal6Signal");
-const SUPERVISE: Reach = Reach::Calling(TASKS, "Supervisor5check");
+const SUPERVISE: Reach = Reach::Calling(TASKS, "Supervisor4look");
 
 /// Storage and calibration call through objects.
 const STORE_ITEM: Rule =
     Rule { of: &["store_item_inner"], reach: &[Reach::Named("map..Value$GT$14serialize_into")] };
 const FILL: Rule = Rule {
     of: &["map..Value$GT$14serialize_into"],
-    reach: &[Reach::Named("storage..framing..WriteBody$GT$10write_body")],
+    reach: &[Reach::Named("storage..framing..Fill$GT$4fill")],
 };
-const PLACE: Rule = Rule { of: &["active7prepare"], reach: &[Reach::Named("active..ParamsSlot$GT$4make")] };
+const PLACE: Rule = Rule { of: &["active8prepared"], reach: &[Reach::Named("active..ParamsSlot$GT$4make")] };
 
 /// NUCLEO-G474RE: thread for the store, executors in interrupts of peripherals that are not used.
 pub const G474: Levels = Levels {
@@ -40,7 +40,7 @@ pub const G474: Levels = Levels {
                 "FDCAN1_IT0",
                 "RxMode12on_interrupt",
                 "drop_in_place$LT$embassy_sync",
-                "g474re9publisher",
+                "g474re4told",
             ],
             reach: &[Reach::Named(WAKERS), Reach::Named(CHANNELS)],
         },

@@ -11,7 +11,7 @@ use crate::budgets::{self, Limits};
 use crate::command::Run;
 use crate::firmware::{on_board, on_target};
 use crate::workspace::{TARGET, Workspace};
-use crate::{panic_path, setup};
+use crate::{panic_path, setup, source_check};
 use tally::Tally;
 
 /// What has passed and failed so far.
@@ -58,6 +58,8 @@ pub fn run() -> Result<ExitCode> {
     let mut report = Report { tally: Tally::default(), failed_stages: Vec::new() };
 
     report.check("format", || Run::cargo(&["fmt", "--all", "--check"]).check());
+    report.check("arrows between crates and modules", || source_check::arrows(&workspace));
+    report.check("documents against the sources", || source_check::docs(&workspace));
     // Firmware first: the end-to-end tests need its ELF.
     report.check("firmware builds, release", || build_firmware(&workspace, &["build", "--release"]));
     report.check("no panic path in the estimator", panic_path::absent);

@@ -23,9 +23,9 @@
 //! Limits: before the level is learned, about a minute of steady drive, its standard error is 0.3 and almost nothing
 //! contradicts it. A change slower than the drift detector of health can distinguish from wear is treated as wear.
 
-use kou_estimator::health::{LevelChange, Health, DtcStatus};
+use kou_estimator::health::{DtcStatus, Health, LevelChange};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Expected, Reason, Observed};
+use kou_estimator::{Estimate, Expected, Observed, Reason};
 
 /// Standard errors of the level within which an observation does not contradict it.
 const LEVEL_SIGMAS: f32 = 2.0;
@@ -233,7 +233,8 @@ mod tests {
         let believed = estimate(1.5 * LAW, 1.5, worn);
         assert_eq!(check.apply(change(1.0, 1.5), believed), believed);
 
-        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
+        let suspected =
+            Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
         let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
         assert_eq!(reported.seen, Err(Reason::SensorSuspected));
         assert_eq!(reported.expected, Err(Reason::SensorSuspected));

@@ -1,8 +1,8 @@
 //! Encoding of estimates and health as messages of the [catalogue](super::catalogue).
 
-use kou_estimator::health::{Cause, GateClosed, Health, DtcStatus};
+use kou_estimator::health::{Cause, DtcStatus, GateClosed, Health};
 use kou_estimator::model::calibrated_region::Direction;
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Observed};
+use kou_estimator::{Channel, Estimate, Expected, Fault, Observed, Reason};
 
 use super::catalogue as c;
 use super::signal::{Absent, Signal};

@@ -18,8 +18,8 @@ use cortex_m_rt::{ExceptionFrame, entry, exception};
 use cortex_m_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
 use cortex_m_semihosting::{heprintln, hprintln};
 use kou_check_fixture::{Driving, Samples, drive, flow_rig, typical_point, typical_sample};
-use kou_estimator::model::leakage_law::Law;
 use kou_estimator::model::flow_balance::OperatingPoint;
+use kou_estimator::model::leakage_law::Law;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Estimate, Params, Reason, Sample, State, step};
 

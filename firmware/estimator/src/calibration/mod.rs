@@ -1,155 +1,17 @@
-//! The calibration of one machine: everything the estimator knows that is not measured.
+//! Calibration of one machine: configuration and its checks.
 //!
-//! [`Calibration`] is plain configuration: it can be written down, edited and stored, and may be wrong. Only
-//! [`crate::Params::new`] turns it into parameters, after checking every field ([`check`]). Its binary record for flash
-//! and link is in [`record`]; the TOML form for people is the host tool's. Field names carry their units in both.
+//! [`Calibration`] is plain configuration: it can be written, edited and stored, and may be wrong. Only
+//! [`crate::Params::new`] turns it into parameters, after checking every field. Its binary record for flash and link is
+//! in [`crate::record::calibration`]; the TOML form for people is the host tool's. Field names carry their units in
+//! both.
 
-pub mod check;
-pub mod record;
+mod configuration;
+pub(crate) mod error;
+mod health;
+pub(crate) mod validate;
 
-use heapless::String;
-use serde::{Deserialize, Serialize};
-
-use crate::health::HealthConfig;
-use crate::law::LawConfig;
-use crate::oil::OilConfig;
-use crate::reduced::ReducedConfig;
-use crate::region::RegionConfig;
-use crate::units::{
-    Celsius, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio, RevPerMin,
+pub use configuration::{
+    Calibration, Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
 };
-
-/// What measures the flow that arrives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Output {
-    /// A motor: its speed over the pump's is the ratio.
-    Motor,
-    /// A flow meter in the high line: its flow over what its reference displacement passes is the ratio.
-    FlowMeter,
-}
-
-/// Which machine this is, and its constants that are not fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MachineConfig {
-    /// Name of the machine's type.
-    pub name: String<48>,
-    /// Serial number of the very machine that was calibrated; empty where the calibration is for the type.
-    pub serial: String<32>,
-    /// What measures the flow that arrives.
-    pub output: Output,
-    /// Number of pistons of the pump, `Z_p`.
-    pub pump_pistons: u8,
-    /// Number of pistons of the motor, `Z_m`; 0 for a flow meter.
-    pub motor_pistons: u8,
-    /// Displacement of the pump by its data sheet, `D_p`.
-    #[serde(rename = "pump_displacement_cm3_per_rev")]
-    pub pump_displacement: CubicCentimetrePerRev,
-    /// Displacement of the motor by its data sheet, `D_m`; the reference displacement of a flow meter.
-    #[serde(rename = "motor_displacement_cm3_per_rev")]
-    pub motor_displacement: CubicCentimetrePerRev,
-    /// Pressure of the low line where it is not measured, gauge.
-    #[serde(rename = "low_pressure_mpa")]
-    pub low_pressure: Megapascal,
-}
-
-/// Standard errors (1 sigma) of the sensors, for the standard error of the coefficient seen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SensorErrors {
-    /// Of the speed ratio, relative: both speed sensors together, or flow meter and speed sensor.
-    pub ratio_relative: f32,
-    /// Of the pressure of the high line, relative to the reading.
-    pub high_pressure_relative: f32,
-    /// Of the oil temperature.
-    #[serde(rename = "oil_temperature_k")]
-    pub oil_temperature: Celsius,
-    /// Of the displacement fraction; 0 where full displacement is a mechanical stop.
-    pub displacement: Ratio,
-}
-
-/// Declared span of every sensor: a value outside is a fault, not a measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SensorRanges {
-    /// Largest magnitude of either shaft's speed; the pump turns one way only.
-    #[serde(rename = "speed_max_rpm")]
-    pub speed_max: RevPerMin,
-    /// Smallest pressure, gauge.
-    #[serde(rename = "pressure_min_mpa")]
-    pub pressure_min: Megapascal,
-    /// Largest pressure, gauge.
-    #[serde(rename = "pressure_max_mpa")]
-    pub pressure_max: Megapascal,
-    /// Lowest temperature.
-    #[serde(rename = "temperature_min_c")]
-    pub temperature_min: Celsius,
-    /// Highest temperature.
-    #[serde(rename = "temperature_max_c")]
-    pub temperature_max: Celsius,
-    /// Largest magnitude of flow.
-    #[serde(rename = "flow_max_l_min")]
-    pub flow_max: LitrePerMin,
-}
-
-/// Where the estimator refuses to judge.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Limits {
-    /// Oldest reading that is used, in microseconds.
-    pub max_age_us: u32,
-    /// Slowest pump speed at which leakage is judged.
-    #[serde(rename = "min_pump_speed_rpm")]
-    pub min_pump_speed: RevPerMin,
-    /// Smallest displacement fraction, in magnitude, at which leakage is judged.
-    pub min_displacement: Ratio,
-    /// Smallest pressure difference between the lines at which leakage is judged.
-    #[serde(rename = "min_pressure_difference_mpa")]
-    pub min_pressure_difference: Megapascal,
-    /// Largest coefficient that leakage can plausibly have.
-    #[serde(rename = "max_kou_l_min_mpa")]
-    pub max_kou: LeakageCoefficient,
-}
-
-/// Where the calibration comes from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Provenance {
-    /// Tool and version that wrote the calibration.
-    pub tool: String<32>,
-    /// Day on which it was made, as the user gave it; empty where none was given.
-    pub date: String<16>,
-    /// CRC-32 of the bench records' bytes.
-    pub bench_crc32: u32,
-    /// CRC-32 of the machine file's bytes.
-    pub machine_crc32: u32,
-    /// Number of points that the law was fitted to.
-    pub points: u32,
-}
-
-/// The calibration of one machine, unchecked.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Calibration {
-    /// Which machine.
-    pub machine: MachineConfig,
-    /// Its oil.
-    pub oil: OilConfig,
-    /// Constants of the reduced model.
-    pub reduced: ReducedConfig,
-    /// The leakage law.
-    pub law: LawConfig,
-    /// Region in which the law was calibrated.
-    pub region: RegionConfig,
-    /// Standard errors of the sensors.
-    pub sensor_errors: SensorErrors,
-    /// Spans of the sensors.
-    pub sensor_ranges: SensorRanges,
-    /// Where the estimator refuses to judge.
-    pub limits: Limits,
-    /// How health is learned and judged.
-    pub health: HealthConfig,
-    /// Where the calibration comes from.
-    pub provenance: Provenance,
-}
+pub use error::{CalibrationError, Problem};
+pub use health::HealthConfig;

@@ -1,53 +1,45 @@
-//! The learned state: what it holds, what it tells, and how samples get into it.
-//!
-//! A sample is added to the block being filled. When a block is full it waits for its stages (`stages`), one with each of
-//! the following samples, while the next one fills; a block that is full before its predecessor is done goes on filling.
-//! So a slow sample rate makes longer blocks, and no sample costs more than one stage.
+//! Learned state of health monitoring.
 
 use serde::{Deserialize, Serialize};
 
-use super::block::{Accumulator, Block, Terms};
-use super::config::Severity;
-use super::drift_watch::DriftWatch;
-use super::gate::{Closed, Gate};
-use super::judge::Judge;
-use super::stages::{Stage, Used};
-use super::step_watch::StepWatch;
-use super::trend::{Remaining, Slope, Trend};
-use super::trouble::Trouble;
-use super::ud::{PARAMETERS, UdFilter};
-use super::{Change, Health};
-use crate::estimate::Reason;
-use crate::params::Params;
-use crate::root::square_root;
-use crate::units::{Micros, Ratio};
+use super::averaging::{Accumulator, Block};
+use super::block_update::{BlockUpdate, ProcessingStage};
+use super::cusum::Cusum;
+use super::diagnosis::Diagnosis;
+use super::drift::DriftDetector;
+use super::fault_debounce::DiagnosticFault;
+use super::params::{HealthParams, Severity};
+use super::prognosis::{LevelTrend, RemainingLife, Slope};
+use super::status::{Health, LevelChange};
+use super::steady_gate::{GateClosed, SteadyGate};
+use super::tuning::LEVEL_SD_START;
+use super::ud_rls::{PARAMETERS, UdFilter};
+use crate::units::Micros;
 
-/// What changes. At most 1 KiB; `Clone` and the saved form keep every bit.
+/// Learned state: at most 1 KiB; `Clone` and the saved form preserve every bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HealthState {
     pub(super) accumulator: Accumulator,
-    pub(super) stage: Stage,
+    pub(super) stage: ProcessingStage,
+    /// Block that is pending.
     pub(super) block: Block,
-    pub(super) used: Used,
-    pub(super) gate: Gate,
-    /// What the gate said of the block that waits.
-    pub(super) passed: Result<(), GateClosed>,
+    pub(super) pending: BlockUpdate,
+    pub(super) gate: SteadyGate,
+    /// Whether the gate admits the pending block.
+    pub(super) admitted: Result<(), GateClosed>,
     pub(super) filter: UdFilter,
-    pub(super) steps: StepWatch,
-    pub(super) drifts: DriftWatch,
-    pub(super) judge: Judge,
-    /// Blocks for which neither steps nor drifts are judged: after the start and after a change.
-    pub(super) settling: u16,
-    /// Time of the last block that was used.
+    pub(super) cusum: Cusum,
+    pub(super) drift: DriftDetector,
+    pub(super) diagnosis: Diagnosis,
+    /// Remaining blocks without tests for steps and drifts: after the start and after a change.
+    pub(super) holdoff_blocks: u16,
+    /// Time of the last used block.
     pub(super) used_at: Option<Micros>,
-    pub(super) trend: Trend,
+    pub(super) trend: LevelTrend,
     pub(super) trend_blocks: u16,
-    pub(super) told: Health,
+    pub(super) status: Health,
 }
-
-/// Standard deviation of the level before anything was learned: the machine may have worn since it was calibrated.
-pub(super) const LEVEL_SD_START: f32 = 0.3;
 
 impl Default for HealthState {
     fn default() -> Self {
@@ -56,129 +48,74 @@ impl Default for HealthState {
 }
 
 impl HealthState {
-    /// State of a machine as it was calibrated.
+    /// State of a machine as calibrated.
     #[must_use]
     pub const fn new() -> Self {
         Self {
             accumulator: Accumulator::new(),
-            stage: Stage::Idle,
+            stage: ProcessingStage::Idle,
             block: Block::new(),
-            used: Used::new(),
-            gate: Gate::new(),
-            passed: Err(GateClosed::Filling),
+            pending: BlockUpdate::new(),
+            gate: SteadyGate::new(),
+            admitted: Err(GateClosed::Filling),
             filter: UdFilter::new([0.0; PARAMETERS], [LEVEL_SD_START * LEVEL_SD_START; PARAMETERS]),
-            steps: StepWatch::new(),
-            drifts: DriftWatch::new(),
-            judge: Judge::new(),
-            settling: 0,
+            cusum: Cusum::new(),
+            drift: DriftDetector::new(),
+            diagnosis: Diagnosis::new(),
+            holdoff_blocks: 0,
             used_at: None,
-            trend: Trend::new(),
+            trend: LevelTrend::new(),
             trend_blocks: 0,
-            told: Health::new(),
+            status: Health::new(),
         }
     }
 
     /// The last change that was reported.
     #[must_use]
     pub fn last_change(&self) -> Option<LevelChange> {
-        self.judge.last
+        self.diagnosis.last
     }
 
-    /// The trouble "leaks more than it did", with its history.
+    /// Diagnostic fault "wear" with its history.
     #[must_use]
-    pub fn wear(&self) -> &Trouble {
-        &self.judge.wear
+    pub fn wear(&self) -> &DiagnosticFault {
+        &self.diagnosis.wear
     }
 
-    /// The trouble "a sensor or the oil explains a change", with its history.
+    /// Diagnostic fault "sensor" with its history.
     #[must_use]
-    pub fn sensor(&self) -> &Trouble {
-        &self.judge.sensor
+    pub fn sensor(&self) -> &DiagnosticFault {
+        &self.diagnosis.sensor
     }
 
-    /// Time until the limit of the calibration, once a trend is known.
+    /// Remaining life until the calibration's limit of the level, once a trend is known.
     #[must_use]
-    pub fn remaining(&self, params: &Params) -> Option<Remaining> {
-        self.trend.remaining(self.told.level, params.health.config.limit_level)
+    pub fn remaining_life(&self, params: &HealthParams) -> Option<RemainingLife> {
+        self.trend.remaining_life(self.status.level, params.config.limit_level)
     }
 
-    /// Slope of the level over hours of judged driving, once a trend is known.
+    /// Slope of the level over hours of driving with the gate open, once a trend is known.
     #[must_use]
     pub fn slope(&self) -> Option<Slope> {
         self.trend.slope()
     }
 
-    /// What the level means at the rated point of the calibration.
+    /// Severity of the level at the calibration's rated point.
     #[must_use]
-    pub fn severity(&self, params: &Params) -> Severity {
-        params.health.severity(self.told.level)
+    pub fn severity(&self, params: &HealthParams) -> Severity {
+        params.severity(self.status.level)
     }
 
-    /// Whether every number is finite and the covariance positive definite: a state that was saved sound is sound.
+    /// Whether every number is finite and the covariance positive definite, as in every state that was saved undamaged.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        let numbers = [self.told.level.get(), self.told.level_se.get(), self.told.ratio_offset.get()];
+        let numbers = [self.status.level.get(), self.status.level_se.get(), self.status.ratio_offset.get()];
         self.filter.is_sound() && numbers.iter().all(|n| n.is_finite())
     }
 
-    /// What is known after the last sample.
+    /// Health status after the last sample.
     #[inline(always)]
-    pub(crate) fn told(&self) -> Health {
-        self.told
-    }
-
-    /// Takes a sample that has no valid terms.
-    #[inline(never)]
-    pub(crate) fn skip(&mut self, params: &Params, time: Micros, reason: Reason) {
-        self.work(params);
-        if reason == Reason::TimeReversed {
-            self.accumulator = Accumulator::since(time);
-        } else {
-            self.accumulator.clear();
-        }
-        self.told.gate = Err(GateClosed::Sample(reason));
-        self.tell(params, time);
-    }
-
-    /// Takes the terms of a valid sample.
-    #[inline(always)]
-    pub(crate) fn takes(&mut self, params: &Params, time: Micros, terms: &Terms) {
-        self.work(params);
-        let block_us = params.health.config.block_us;
-        let full = self.accumulator.takes(time, terms, block_us);
-        if full && self.stage == Stage::Idle {
-            self.block = self.accumulator.block();
-            self.stage = Stage::GateDrive;
-        }
-    }
-
-    pub(super) fn hours_since(&self, time: Micros) -> f32 {
-        let Some(used) = self.used_at else { return 0.0 };
-        // At most a day: a clock that jumped is not a day of wear.
-        let units = time.0.saturating_sub(used.0).min(24 * 3_600_000_000) >> 10;
-        // In units of 1.024 ms a day fits 32 bits, which the processor converts by itself.
-        units as u32 as f32 * (1.024e-3 / 3600.0)
-    }
-
-    /// Puts into words what is known at a time.
-    #[inline(never)]
-    pub(super) fn tell(&mut self, params: &Params, time: Micros) {
-        let [level, offset, ..] = self.filter.theta();
-        let [variance, ..] = self.filter.variances();
-        // What wear may have changed since the last block that was used.
-        let drift = params.health.config.level_drift_per_h;
-        let aged = variance
-            + drift * drift * self.hours_since(time)
-            + params.health.systematic_variance(1.0 + level);
-        self.told = Health {
-            gate: self.told.gate,
-            level: Ratio(1.0 + level),
-            level_se: Ratio(square_root(aged)),
-            ratio_offset: Ratio(offset),
-            changes: self.judge.changes,
-            causes: self.judge.causes,
-            wear: self.judge.wear.stage,
-            sensor: self.judge.sensor.stage,
-        };
+    pub(crate) fn status(&self) -> Health {
+        self.status
     }
 }

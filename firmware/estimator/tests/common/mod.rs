@@ -1,12 +1,14 @@
 //! A calibration of the reference machine and an independent f64 statement of the reduced model, shared by the tests.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-use kou_estimator::calibration::{Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges};
 use kou_estimator::calibration::HealthConfig;
+use kou_estimator::calibration::{
+    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
+};
+use kou_estimator::model::calibrated_region::RegionConfig;
+use kou_estimator::model::flow_balance::ReducedConfig;
 use kou_estimator::model::leakage_law::{LawConfig, LawCovarianceFactor};
 use kou_estimator::model::oil_compression::OilConfig;
-use kou_estimator::model::flow_balance::ReducedConfig;
-use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::units::*;
 use kou_estimator::{Calibration, Reading, Sample};
 
@@ -56,7 +58,11 @@ pub fn calibration() -> Calibration {
             p_max: Megapascal(50.0),
             t_max: Celsius(90.0),
             residual_se: LeakageCoefficient(0.002),
-            covariance_factor: LawCovarianceFactor { first: [1e-3; 10], third: [5e-4; 8], ..LawCovarianceFactor::ZERO },
+            covariance_factor: LawCovarianceFactor {
+                first: [1e-3; 10],
+                third: [5e-4; 8],
+                ..LawCovarianceFactor::ZERO
+            },
         },
         region: RegionConfig::around(
             [[0.3, 0.1, 0.3], [1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [1.0, 0.1, 0.3]],

@@ -8,7 +8,7 @@ use kou_estimator::{Calibration, Params};
 
 use crate::commands::Failure;
 use crate::evaluate::Setting;
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Run lengths tried, in hours.
 const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
@@ -33,7 +33,7 @@ pub(super) struct Alarms {
     pub(super) hours: f64,
 }
 
-/// Sum of log-likelihood ratios at which a step is reported, by the derivation in `docs/health.md`.
+/// Sum of log-likelihood ratios at which a step is reported, by the derivation in `docs/health/theory.md`.
 pub(super) fn threshold(health: &HealthConfig) -> f64 {
     let f = f64::from;
     let decision_h = f64::from(health.block_us) / 3.6e9 * f(health.misfit_blocks);

@@ -13,11 +13,11 @@ use serde_json::{Map, Value, json};
 
 use super::given::Calibrated;
 use super::{Failure, print_json, print_text};
-use crate::calibration::SensorClass;
 use crate::evaluate::{
     Course, DIMENSIONS, Event, Looks, Named, Run, Setting, Share, Tally, faults, quantile,
 };
-use crate::input::InputError;
+use kou_identify::calibration::SensorClass;
+use kou_records::InputError;
 
 /// Judges the judging of health: false alarms, delays, confusion of causes, coverage of standard errors.
 #[derive(Debug, clap::Args)]
@@ -111,9 +111,9 @@ impl Detection {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let (_, calibration, params) = args.given.read()?;
     for (name, value, range) in [
-        ("--hours", args.hours, crate::input::Range::new(1.0, 100_000.0, "h")),
-        ("--misfit", args.misfit, crate::input::Range::new(0.0, 0.3, "")),
-        ("--oil-ageing-per-h", args.oil_ageing_per_h, crate::input::Range::new(0.0, 0.1, "1/h")),
+        ("--hours", args.hours, kou_records::Range::new(1.0, 100_000.0, "h")),
+        ("--misfit", args.misfit, kou_records::Range::new(0.0, 0.3, "")),
+        ("--oil-ageing-per-h", args.oil_ageing_per_h, kou_records::Range::new(0.0, 0.1, "1/h")),
     ] {
         if !range.contains(value) {
             return Err(InputError::new(format!("{name} is out of range"))

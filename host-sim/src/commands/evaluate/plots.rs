@@ -1,4 +1,4 @@
-//! Pictures of a study: measured curves beside those that `docs/health.md` derives.
+//! Pictures of a study: measured curves beside those that `docs/health/theory.md` derives.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::alarms::{Alarms, MISFITS, threshold};
 use super::{Coverage, Detection};
 use crate::commands::Failure;
 use crate::commands::lines::{Lines, Series};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Draws measured curves beside derived ones.
 pub(super) fn draw(
@@ -79,7 +79,7 @@ pub(super) fn draw(
     Ok(())
 }
 
-/// Delay by the derivation in `docs/health.md`: the expected sum reaches the limit.
+/// Delay by the derivation in `docs/health/theory.md`: the expected sum reaches the limit.
 fn derived_delay_s(health: &HealthConfig, open: f64, share: f64) -> Option<f64> {
     let f = f64::from;
     let (block_s, misfit) = (f64::from(health.block_us) / 1e6, f(health.law_misfit));

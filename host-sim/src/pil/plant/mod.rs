@@ -28,8 +28,8 @@ use kou_emulation::{EmulationStart, Order, TickReply};
 use kou_estimator::Calibration;
 use serde::Serialize;
 
-use crate::input::InputError;
-use crate::machine::Machine;
+use kou_lumped::machine::Machine;
+use kou_records::InputError;
 
 pub use bus::{Bus, Traffic};
 pub use flash::{Flash, Kept};
@@ -55,7 +55,7 @@ pub enum LoopError {
     Input(#[from] InputError),
     /// The full model gave up.
     #[error(transparent)]
-    Simulation(#[from] crate::full::SimError),
+    Simulation(#[from] kou_lumped::SimError),
     /// The firmware.
     #[error(transparent)]
     Pil(#[from] PilError),

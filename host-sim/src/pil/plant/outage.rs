@@ -204,7 +204,8 @@ fn learned(calibration: &Calibration, kept: &Kept) -> Option<f32> {
     let params = Params::new(calibration).ok()?;
     let health = kept.health.clone()?;
     let mut buffer = [0; record::calibration::MAX_LEN];
-    let default = record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
+    let default =
+        record::calibration::encode(calibration, &mut buffer).ok().and_then(|length| buffer.get(..length))?;
     let in_use = kept.calibration.as_ref().map_or(default, |(_, record)| record);
     let crc = in_use.last_chunk::<4>().map(|crc| u32::from_le_bytes(*crc))?;
     if health.calibration_crc != crc {

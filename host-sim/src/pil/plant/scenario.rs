@@ -5,7 +5,7 @@ use std::path::Path;
 use kou_app::storage::RecordKind;
 use serde::Deserialize;
 
-use crate::input::{InputError, Range, TomlFile};
+use kou_records::{InputError, Range, TomlFile};
 
 /// Version of the format.
 const SCHEMA: u32 = 1;

@@ -10,7 +10,7 @@ use kou_estimator::{Calibration, Params};
 use serde::Serialize;
 
 use super::scenario::{Scenario, Update};
-use crate::input::InputError;
+use kou_records::InputError;
 
 /// Source address of the service tool by the standard.
 const TOOL: u8 = 0xF9;
@@ -73,7 +73,8 @@ impl Tool {
                 candidate.machine.name = heapless::String::try_from("another machine").unwrap_or_default();
             }
             let mut buffer = [0; record::calibration::MAX_LEN];
-            let length = record::calibration::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
+            let length =
+                record::calibration::encode(&candidate, &mut buffer).map_err(|e| error(e.to_string()))?;
             let mut key = key_of(scenario);
             if update.wrong_key {
                 key.reverse();

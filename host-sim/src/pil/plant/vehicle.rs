@@ -11,16 +11,16 @@ use kou_estimator::{Calibration, Params};
 
 use super::LoopError;
 use super::scenario::{Command, Model as Kind, Scenario};
-use crate::full::integrator::{Inputs, Integrator, State};
-use crate::full::oil::ATMOSPHERE_PA;
-use crate::full::plant::{A, B};
-use crate::full::run::{Observer, run};
-use crate::full::shaft::{Drive, Load};
-use crate::full::tableau::Method;
-use crate::full::{Model, Plant};
-use crate::input::InputError;
-use crate::machine::Machine;
 use crate::synth::kou_truth;
+use kou_lumped::integrator::{Inputs, Integrator, State};
+use kou_lumped::machine::Machine;
+use kou_lumped::oil::ATMOSPHERE_PA;
+use kou_lumped::plant::{A, B};
+use kou_lumped::run::{Observer, run};
+use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::tableau::Method;
+use kou_lumped::{Model, Plant};
+use kou_records::InputError;
 
 /// Milliseconds between two looks at the leakage truth.
 const TRUTH_MS: u64 = 20;

@@ -1,0 +1,101 @@
+//! The lines and galleries: the circuit's valves between them, and their linear system.
+
+use crate::plant::{A, B, C, F, NODES, Plant};
+use crate::valves::Flow;
+
+/// Adds the circuit's valves (paper fig. 1) to the nodes' inflows and their slopes with respect to the nodes' masses.
+/// Returns the flows to the case of relief valves 4 and 10.
+#[inline(always)]
+pub(super) fn circuit(
+    plant: &Plant,
+    p: &[f64; NODES],
+    relative_rho: &[f64; NODES],
+    slope: &[f64; NODES],
+    charge: f64,
+    inflow: &mut [f64; NODES],
+    matrix: &mut [[f64; NODES]; NODES],
+) -> [Flow; 2] {
+    let mut edge = |from: usize, to: usize, flow: Flow| {
+        inflow[from] -= flow.kg_s;
+        inflow[to] += flow.kg_s;
+        matrix[from][from] -= flow.d_from * slope[from];
+        matrix[from][to] -= flow.d_to * slope[to];
+        matrix[to][from] += flow.d_from * slope[from];
+        matrix[to][to] += flow.d_to * slope[to];
+    };
+    for line in [A, B] {
+        // Check valves 5 and 6; high-pressure relief valves, when fitted.
+        edge(C, line, plant.check_valve.flow(p[C], p[line], relative_rho[C]));
+        if let Some(relief) = &plant.high_relief {
+            edge(line, C, relief.flow(p[line], p[C]));
+        }
+    }
+    // Shuttle valve 9: the side of the lower line, moved by the other line's pressure as well.
+    for (line, other) in [(A, B), (B, A)] {
+        let (flow, by_other) =
+            plant.shuttle.flow(p[line], p[other], p[F], (relative_rho[line], relative_rho[F]));
+        if flow != Flow::default() {
+            edge(line, F, flow);
+            matrix_add(matrix, line, F, other, by_other * slope[other]);
+            break;
+        }
+    }
+    // Relief valves 4 and 10 to the case; gear pump 3.
+    let drains =
+        [plant.charge_relief.flow(p[C], plant.case_pa), plant.flushing_relief.flow(p[F], plant.case_pa)];
+    for (node, drain) in [(C, drains[0]), (F, drains[1])] {
+        inflow[node] -= drain.kg_s;
+        matrix[node][node] -= drain.d_from * slope[node];
+    }
+    inflow[C] += charge;
+    drains
+}
+
+/// Derivative of a flow `from` -> `to` with respect to a third node.
+#[inline(always)]
+fn matrix_add(matrix: &mut [[f64; NODES]; NODES], from: usize, to: usize, third: usize, slope: f64) {
+    matrix[from][third] -= slope;
+    matrix[to][third] += slope;
+}
+
+/// Gaussian elimination with partial pivoting; `None` when the matrix is singular or not finite.
+#[inline(always)]
+pub(super) fn solve_nodes(
+    matrix: &mut [[f64; NODES]; NODES],
+    right: &mut [f64; NODES],
+) -> Option<[f64; NODES]> {
+    for k in 0..NODES {
+        let mut pivot = k;
+        for row in k + 1..NODES {
+            if matrix[row][k].abs() > matrix[pivot][k].abs() {
+                pivot = row;
+            }
+        }
+        if pivot != k {
+            matrix.swap(k, pivot);
+            right.swap(k, pivot);
+        }
+        let diagonal = matrix[k][k];
+        if !(diagonal.abs() > 0.0 && diagonal.is_finite()) {
+            return None;
+        }
+        let inv = 1.0 / diagonal;
+        for row in k + 1..NODES {
+            let factor = matrix[row][k] * inv;
+            let pivot_row = matrix[k];
+            for (entry, above) in matrix[row].iter_mut().zip(pivot_row).skip(k + 1) {
+                *entry -= factor * above;
+            }
+            right[row] -= factor * right[k];
+        }
+    }
+    let mut x = [0.0; NODES];
+    for k in (0..NODES).rev() {
+        let mut sum = right[k];
+        for column in k + 1..NODES {
+            sum -= matrix[k][column] * x[column];
+        }
+        x[k] = sum / matrix[k][k];
+    }
+    Some(x)
+}

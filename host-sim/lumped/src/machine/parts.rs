@@ -1,0 +1,298 @@
+//! The parts of a machine as plain checked values, and the collection of those that the full model needs.
+
+use crate::input::InvalidInput;
+
+use super::Machine;
+
+/// Oil. Temperature dependence is linear about `reference_c`; its coefficients are relative changes per kelvin.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Oil {
+    /// Density at the standard atmosphere and `reference_c`.
+    pub density_kg_m3: f64,
+    /// Bulk modulus beta_0 of the oil without air at `reference_c`.
+    pub bulk_modulus_mpa: f64,
+    /// Volume fraction c of undissolved air at the standard atmosphere.
+    pub air_fraction: f64,
+    /// Exponent lambda of the air's change of state.
+    pub heat_capacity_ratio: f64,
+    /// Constant A of Walther's viscosity law log10 log10(nu + 0.7) = A - B log10(T/K).
+    pub walther_a: f64,
+    /// Constant B of Walther's viscosity law.
+    pub walther_b: f64,
+    /// Pressure below which no chamber can fall.
+    pub vapour_pressure_mpa_abs: f64,
+    /// Temperature at which density and bulk modulus are given.
+    pub reference_c: f64,
+    /// Relative change of the bulk modulus per kelvin; negative for real oils, 0 when the file does not say.
+    pub bulk_modulus_per_k: f64,
+    /// Relative change of the density per kelvin; negative for real oils, 0 when the file does not say.
+    pub density_per_k: f64,
+}
+
+/// Circuit: the two pressures every model needs, and the dynamics for the full model.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Circuit {
+    /// Gauge pressure at which the low line is held.
+    pub low_pressure_mpa: f64,
+    /// Gauge pressure in the cases of pump and motor.
+    pub case_pressure_mpa: f64,
+    /// Volumes and valves, when the file has them.
+    pub dynamics: Option<CircuitDynamics>,
+}
+
+/// Volumes, charge pump and valves of the closed circuit (paper fig. 1).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct CircuitDynamics {
+    /// Volume of line A, the high line at positive displacement.
+    pub line_a_volume_cm3: f64,
+    /// Volume of line B.
+    pub line_b_volume_cm3: f64,
+    /// Volume between charge pump, relief valve 4 and the check valves.
+    pub charge_gallery_volume_cm3: f64,
+    /// Volume between shuttle valve 9 and relief valve 10.
+    pub flushing_gallery_volume_cm3: f64,
+    /// Gear pump 3.
+    pub charge_pump: ChargePump,
+    /// Relief valve 4, from the charge gallery to the case.
+    pub charge_relief: Relief,
+    /// Check valves 5 and 6, from the charge gallery into either line.
+    pub check_valve: CheckValve,
+    /// Shuttle valve 9, from the line that is low to the flushing gallery.
+    pub shuttle: Shuttle,
+    /// Relief valve 10, from the flushing gallery to the case.
+    pub flushing_relief: Relief,
+    /// Relief valves from each line to the charge gallery, when fitted.
+    pub high_relief: Option<Relief>,
+}
+
+/// Gear pump 3. A displacement of 0 is a charge circuit that is shut off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ChargePump {
+    /// Displacement per revolution of its own shaft.
+    pub displacement_cm3_per_rev: f64,
+    /// What turns it.
+    pub drive: ChargeDrive,
+}
+
+/// What turns the charge pump.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ChargeDrive {
+    /// A motor of its own at this speed, r/min.
+    OwnSpeedRpm(f64),
+    /// The main pump's shaft, with this ratio of charge-pump speed to main-pump speed.
+    PumpShaftRatio(f64),
+}
+
+/// Relief valve: shut below cracking, then flow in proportion to the pressure above it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Relief {
+    /// Pressure difference across the valve at which it passes `rated_flow_l_min`.
+    pub setting_mpa: f64,
+    /// Flow at the setting.
+    pub rated_flow_l_min: f64,
+    /// Rise from cracking to the setting.
+    pub override_mpa: f64,
+}
+
+/// Check valve: shut below cracking, area growing linearly to the full area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct CheckValve {
+    /// Pressure difference at which it starts to open.
+    pub crack_mpa: f64,
+    /// Pressure difference at which it is fully open.
+    pub full_open_mpa: f64,
+    /// Full flow area.
+    pub area_mm2: f64,
+}
+
+/// Shuttle valve: both sides shut around the middle, the side of the lower line open when the lines differ enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Shuttle {
+    /// Pressure difference between the lines at which the low side starts to open.
+    pub crack_mpa: f64,
+    /// Pressure difference between the lines at which the low side is fully open.
+    pub full_open_mpa: f64,
+    /// Full flow area.
+    pub area_mm2: f64,
+}
+
+/// Pump or motor.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Unit {
+    /// Displacement per revolution at full swash.
+    pub displacement_cm3_per_rev: f64,
+    /// Number of pistons.
+    pub pistons: usize,
+    /// Volume left in ONE chamber at top dead centre and full swash.
+    pub dead_volume_cm3: f64,
+    /// Valve plate, when the file has it.
+    pub valve_plate: Option<ValvePlate>,
+    /// Moment of inertia of the shaft with everything rigidly on it.
+    pub inertia_kg_m2: Option<f64>,
+    /// Shaft friction.
+    pub friction: Friction,
+    /// Swash actuator, when the file has it (pump).
+    pub swash: Option<Swash>,
+}
+
+impl Unit {
+    /// Stroke volume V_s of one piston at full swash: D/Z.
+    #[must_use]
+    pub fn stroke_volume_cm3(&self) -> f64 {
+        self.displacement_cm3_per_rev / self.pistons as f64
+    }
+}
+
+/// Shaft friction torque: a constant part against the motion and a part in proportion to speed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Friction {
+    /// Constant part.
+    pub coulomb_nm: f64,
+    /// Part in proportion to speed.
+    pub viscous_nm_s: f64,
+}
+
+/// Swash actuator: first-order lag with a limited rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Swash {
+    /// Time constant of the lag; 0 is a pure ramp.
+    pub time_constant_s: f64,
+    /// Largest rate, full displacements per second.
+    pub rate_per_s: f64,
+}
+
+/// Ports between chambers and kidneys: from geometry or from a table.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ValvePlate {
+    /// Discharge coefficient C_d of the ports.
+    pub discharge_coefficient: f64,
+    /// Where the areas come from.
+    pub case: Case,
+}
+
+/// Where a valve plate's areas come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Case {
+    /// Cylinder port, kidneys, lands and grooves.
+    Geometry(PlateGeometry),
+    /// Angle against area, as it comes from CAD or CFD.
+    Table(PlateTable),
+}
+
+/// Geometry of a valve plate (paper fig. 3): two equal kidneys with a silencing groove at each end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct PlateGeometry {
+    /// Angle covered by one cylinder port.
+    pub port_arc_deg: f64,
+    /// Radius of the kidneys' centre line.
+    pub kidney_radius_mm: f64,
+    /// Radial width of kidney and cylinder port.
+    pub kidney_width_mm: f64,
+    /// Angle between the edge of a cylinder port at dead centre and the nearest kidney edge.
+    pub seal_land_deg: f64,
+    /// Groove at the end of a kidney that a chamber meets first when the shaft turns forward.
+    pub entry_groove: Groove,
+    /// Groove at the end that it leaves last.
+    pub exit_groove: Groove,
+}
+
+/// Silencing groove: area grows with the square of the angle by which the port has reached into it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Groove {
+    /// Angle by which it reaches from the kidney's edge into the land.
+    pub arc_deg: f64,
+    /// Area where it meets the kidney.
+    pub area_mm2: f64,
+}
+
+/// Areas against angle over one turn; first and last row are one turn apart.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct PlateTable {
+    /// Angle of the chamber from its top dead centre, 0 to 360, increasing.
+    pub angle_deg: Vec<f64>,
+    /// Area to the kidney of line A.
+    pub area_a_mm2: Vec<f64>,
+    /// Area to the kidney of line B.
+    pub area_b_mm2: Vec<f64>,
+}
+
+/// What receives the pump's flow.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Receiver {
+    /// A piston motor.
+    Motor(Unit),
+    /// A flow meter at the pump's outlet.
+    FlowMeter(FlowMeter),
+}
+
+/// Flow meter instead of a motor: flow is reported as the speed ratio of an ideal motor of this displacement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct FlowMeter {
+    /// Displacement, per revolution, of the ideal motor that stands for the meter.
+    pub reference_displacement_cm3_per_rev: f64,
+}
+
+/// The parts that only the full model needs, all present.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub struct FullParts<'a> {
+    /// Volumes and valves.
+    pub dynamics: &'a CircuitDynamics,
+    /// The pump's valve plate.
+    pub pump_plate: &'a ValvePlate,
+    /// The pump's swash actuator.
+    pub swash: Swash,
+    /// Motor.
+    pub motor: &'a Unit,
+    /// The motor's valve plate.
+    pub motor_plate: &'a ValvePlate,
+    /// The motor's inertia.
+    pub motor_inertia_kg_m2: f64,
+}
+
+/// Collects what the full model needs, or names everything that is missing.
+pub(super) fn full(machine: &Machine) -> Result<FullParts<'_>, InvalidInput> {
+    let mut missing = Vec::new();
+    let dynamics = machine.circuit.dynamics.as_ref();
+    let pump_plate = machine.pump.valve_plate.as_ref();
+    let swash = machine.pump.swash;
+    let motor = machine.motor();
+    let motor_plate = motor.and_then(|m| m.valve_plate.as_ref());
+    let inertia = motor.and_then(|m| m.inertia_kg_m2);
+    let mut note = |absent: bool, what: &'static str| {
+        if absent {
+            missing.push(what);
+        }
+    };
+    note(dynamics.is_none(), "[circuit.dynamics]");
+    note(pump_plate.is_none(), "[pump.valve_plate]");
+    note(swash.is_none(), "[pump.swash]");
+    note(motor.is_none(), "[motor]");
+    note(motor_plate.is_none(), "[motor.valve_plate]");
+    note(inertia.is_none(), "motor.inertia_kg_m2");
+    match (dynamics, pump_plate, swash, motor, motor_plate, inertia) {
+        (Some(dynamics), Some(pump_plate), Some(swash), Some(motor), Some(motor_plate), Some(inertia)) => {
+            Ok(FullParts { dynamics, pump_plate, swash, motor, motor_plate, motor_inertia_kg_m2: inertia })
+        }
+        _ => Err(InvalidInput::new(format!(
+            "the full model of machine `{}` needs {}, which its file does not have",
+            machine.name,
+            missing.join(", ")
+        ))),
+    }
+}

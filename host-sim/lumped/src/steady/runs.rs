@@ -1,0 +1,248 @@
+//! Averages over the relative positions of the two shafts.
+//!
+//! Pump and motor ripple have different periods, so no state repeats exactly; what a long transient averages over is
+//! every relative position of the shafts, and one revolution alone is off by up to 1e-3 of ratio. So several runs, the
+//! members, have motors a fraction of a piston pitch apart: their mean is free of every beat |k*Z_p - l*Z_m*r| whose order
+//! l is no multiple of their number. The number is chosen so that the beats left are fast, and windows of less than a
+//! revolution remove those. One run goes ahead, since ratio and pressure can be brought close without the others.
+
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+use rayon::prelude::*;
+
+use crate::error::SimError;
+use crate::integrator::{Inputs, Integrator, State};
+use crate::lanes::WIDTH;
+use crate::observers::{MassBalance, Means, Shape, Window};
+use crate::plant::{A, B, Plant};
+use crate::run::run;
+use crate::tableau::Method;
+
+/// Numbers of members to choose from.
+const MEMBERS: RangeInclusive<u32> = 5..=9;
+/// Order of the pump's ripple up to which beats are looked for. Orders 6 and 7 still move the ratio by 4e-5 at 36.5 MPa.
+const BEAT_ORDER: u32 = 9;
+/// Rise and fall of the first run's window, pump revolutions: six pump ripples with nine pistons.
+const SCOUT_EDGE_REV: f64 = 2.0 / 3.0;
+/// Flat part of the first run's window.
+const SCOUT_BOX_REV: f64 = 1.0 / 3.0;
+/// Rise and fall of a member's window in pump pitches: the least that removes the pump's ripple.
+const EDGE_PITCHES: f64 = 3.0;
+/// Longest flat part of a member's window in pump pitches.
+const LONGEST_BOX_PITCHES: f64 = 4.0;
+/// Start-up before the first window: chambers forget a wrong start when they next meet a kidney.
+const SETTLE_REV: f64 = 0.5;
+/// Cost of a revolution that is not measured, against one that is: its steps are longer.
+const COARSE_COST: f64 = 0.4;
+/// Wait after a correction of ratio and pressure.
+const RESETTLE_REV: f64 = 0.25;
+
+/// What one window of all runs tells.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Means over all runs.
+    pub means: Means,
+    /// Largest peak-to-peak pressure of a line, by line.
+    pub ripple_pa: [f64; 2],
+}
+
+/// A step, in time and in steps per pump revolution.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    /// Step.
+    pub h_s: f64,
+    /// Steps of one pump revolution.
+    pub steps_per_rev: u64,
+}
+
+impl Pace {
+    /// Steps of about `step_deg` of pump angle that divide a revolution.
+    pub fn new(step_deg: f64, omega_p: f64) -> Self {
+        let steps = (360.0 / step_deg).ceil().max(1.0);
+        Self { h_s: TAU / omega_p / steps, steps_per_rev: steps as u64 }
+    }
+}
+
+/// What is common to all runs: the drive, the steps, the side that is high.
+#[derive(Debug, Clone, Copy)]
+pub struct Setting<'a> {
+    /// The drive.
+    pub plant: &'a Plant,
+    /// Method.
+    pub method: Method,
+    /// Step of what is measured.
+    pub fine: Pace,
+    /// Step of what only leads there: start-up, waits and the run that goes ahead.
+    pub coarse: Pace,
+    /// Line that is high.
+    pub high: usize,
+}
+
+/// One run: its integrator and state.
+struct Run<'a> {
+    integrator: Integrator<'a>,
+    state: State,
+    /// Mean high pressure of its last window.
+    p_high_pa: f64,
+}
+
+/// The first run, or the members.
+pub struct Runs<'a> {
+    setting: Setting<'a>,
+    runs: Vec<Run<'a>>,
+    pace: Pace,
+    shape: Shape,
+    /// Pump revolutions made by all runs, those that were given up included.
+    pub revolutions: f64,
+    /// Largest error of the mass balance over a window.
+    pub worst_balance: f64,
+}
+
+impl<'a> Runs<'a> {
+    /// The run that goes ahead, settled.
+    pub fn scout(setting: Setting<'a>, inputs: &Inputs, p_high_pa: f64) -> Result<Self, SimError> {
+        let pace = setting.coarse;
+        let rev = pace.steps_per_rev as f64;
+        let shape = Shape { box_steps: SCOUT_BOX_REV * rev, edge_steps: SCOUT_EDGE_REV * rev };
+        let mut runs = Self { setting, runs: Vec::new(), pace, shape, revolutions: 0.0, worst_balance: 0.0 };
+        runs.start(&[0.0], inputs, p_high_pa)?;
+        Ok(runs)
+    }
+
+    /// Distance of the motor's l-th harmonic from the pump's nearest one, per pump revolution.
+    fn beat_per_rev(&self, ratio: f64, order: u32) -> f64 {
+        let plant = self.setting.plant;
+        let (zp, zm) = (plant.pump_pistons as f64, plant.motor_pistons as f64 * ratio.abs());
+        let motor = f64::from(order) * zm;
+        let k = (motor / zp).round().clamp(1.0, f64::from(BEAT_ORDER));
+        (k * zp - motor).abs()
+    }
+
+    /// Number of members and flat part of their window, in pump pitches: the cheapest whose slowest beat left is removed
+    /// by that window, else the ones that leave the fastest. Beats of twice the order are weaker, so may be half as fast.
+    fn members(&self, ratio: f64, from: RangeInclusive<u32>) -> (u32, f64) {
+        let pitches = self.setting.plant.pump_pistons as f64;
+        let flat = |n: u32| {
+            let left = self.beat_per_rev(ratio, n).min(2.0 * self.beat_per_rev(ratio, 2 * n));
+            (pitches / left).ceil()
+        };
+        let cost =
+            |n: u32, flat: f64| f64::from(n) * (SETTLE_REV * COARSE_COST + (EDGE_PITCHES + flat) / pitches);
+        let cheapest = |best: (u32, f64), (n, flat): (u32, f64)| match (best.1, flat) {
+            (b, f) if f.max(b) > LONGEST_BOX_PITCHES => {
+                if f < b {
+                    (n, f)
+                } else {
+                    best
+                }
+            }
+            (b, f) => {
+                if cost(n, f) < cost(best.0, b) {
+                    (n, f)
+                } else {
+                    best
+                }
+            }
+        };
+        let (n, flat) = from.map(|n| (n, flat(n))).fold((1, f64::INFINITY), cheapest);
+        (n, flat.min(LONGEST_BOX_PITCHES))
+    }
+
+    /// Replaces all runs by members, as many as will do where it is not said, started at the wanted pressure and settled.
+    pub fn spread(
+        &mut self,
+        members: Option<u32>,
+        ratio: f64,
+        inputs: &Inputs,
+        p_high_pa: f64,
+    ) -> Result<(), SimError> {
+        let plant = self.setting.plant;
+        let (members, flat) = self.members(ratio, members.map_or(MEMBERS, |n| n..=n));
+        let pump_pitches = plant.pump_pistons as f64;
+        self.pace = self.setting.fine;
+        let pitch_steps = self.pace.steps_per_rev as f64 / pump_pitches;
+        self.shape = Shape { box_steps: flat * pitch_steps, edge_steps: EDGE_PITCHES * pitch_steps };
+        let apart = TAU / (plant.motor_pistons as f64 * f64::from(members));
+        let phases: Vec<f64> = (0..members).map(|k| apart * f64::from(k)).collect();
+        self.start(&phases, inputs, p_high_pa)
+    }
+
+    /// Makes ready for another window at a corrected ratio: moves the line to the wanted pressure and settles.
+    pub fn again(&mut self, inputs: &Inputs, target_pa: f64) -> Result<(), SimError> {
+        let setting = self.setting;
+        for run in &mut self.runs {
+            move_line(&setting, &mut run.state, target_pa - run.p_high_pa);
+        }
+        self.settle(inputs, RESETTLE_REV)
+    }
+
+    /// Runs whose motors start at the given angles and whose high line starts at `p_high_pa`, settled.
+    fn start(&mut self, phases_rad: &[f64], inputs: &Inputs, p_high_pa: f64) -> Result<(), SimError> {
+        let setting = self.setting;
+        let pressure = |line: usize| if line == setting.high { p_high_pa } else { setting.plant.low_pa };
+        let begin = |phi_m: &f64| {
+            let mut integrator = Integrator::new(setting.plant, setting.method);
+            let state = integrator.initial(pressure(A), pressure(B), inputs, inputs.alpha, *phi_m);
+            Run { integrator, state, p_high_pa }
+        };
+        self.runs = phases_rad.iter().map(begin).collect();
+        self.settle(inputs, SETTLE_REV)
+    }
+
+    /// Lets all runs go on for some revolutions.
+    fn settle(&mut self, inputs: &Inputs, revolutions: f64) -> Result<(), SimError> {
+        let Pace { h_s: h, steps_per_rev } = self.setting.coarse;
+        let steps = (revolutions * steps_per_rev as f64).ceil() as u64;
+        self.revolutions += self.runs.len() as f64 * steps as f64 / steps_per_rev as f64;
+        let go = |one: &mut Run<'a>| run(&mut one.integrator, &mut one.state, inputs, h, steps, &mut ());
+        self.runs.par_iter_mut().try_for_each(go)
+    }
+
+    /// One window of every run.
+    pub fn window(&mut self, inputs: &Inputs) -> Result<Seen, SimError> {
+        let (setting, pace, shape) = (self.setting, self.pace, self.shape);
+        let one = |one: &mut Run<'a>| -> Result<(Seen, f64), SimError> {
+            let account = MassBalance::open(&one.state, setting.plant);
+            let mut window = Window::new(&one.state, shape);
+            run(&mut one.integrator, &mut one.state, inputs, pace.h_s, shape.steps(), &mut window)?;
+            let means = window.means();
+            one.p_high_pa = means.p_node_pa[setting.high];
+            Ok((Seen { means, ripple_pa: window.ripple_pa() }, account.error(&one.state, setting.plant)))
+        };
+        let seen: Vec<_> = self.runs.par_iter_mut().map(one).collect::<Result<_, _>>()?;
+        self.revolutions += self.runs.len() as f64 * shape.steps() as f64 / pace.steps_per_rev as f64;
+        let mut all = Seen { means: Means::default(), ripple_pa: [0.0; 2] };
+        for (one, balance) in &seen {
+            all.means.add(&one.means, 1.0 / seen.len() as f64);
+            for (largest, ripple) in all.ripple_pa.iter_mut().zip(one.ripple_pa) {
+                *largest = largest.max(ripple);
+            }
+            self.worst_balance = self.worst_balance.max(*balance);
+        }
+        Ok(all)
+    }
+
+    /// State of the first run.
+    pub fn into_state(mut self) -> State {
+        self.runs.swap_remove(0).state
+    }
+}
+
+/// Volume that the pressure of the high line fills: the line and the chambers that are open to it, on average half of
+/// them at half stroke.
+pub fn high_volume_m3(plant: &Plant, high: usize) -> f64 {
+    let at_half = |lane: usize| {
+        let (g, l) = (lane / WIDTH, lane % WIDTH);
+        plant.dead_m3[g].0[l] + plant.half_stroke_m3[g].0[l]
+    };
+    plant.node_m3[high] + 0.5 * (0..plant.chambers()).map(at_half).sum::<f64>()
+}
+
+/// Adds oil to the high line for a rise of pressure in it and in the chambers that are open to it.
+fn move_line(setting: &Setting<'_>, state: &mut State, rise_pa: f64) {
+    let (plant, high) = (setting.plant, setting.high);
+    let rho = plant.oil.density_at(state.p_node_pa[high]);
+    let rho_to = plant.oil.density_at(state.p_node_pa[high] + rise_pa);
+    state.masses.node[high] += (rho_to - rho) * high_volume_m3(plant, high);
+}

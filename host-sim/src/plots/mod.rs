@@ -1,0 +1,3 @@
+//! Plots: one stack for every picture of the tool.
+
+pub mod decimator;
