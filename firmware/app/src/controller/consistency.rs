@@ -47,6 +47,8 @@ struct Learned {
 }
 
 /// Consistency check: reference level and counters of contradiction and agreement.
+#[doc(alias = "parity check")]
+#[doc(alias = "residual")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyCheck {
     /// Reference level; frozen while there are contradictions.

@@ -6,7 +6,7 @@
 //!                                    ^  |                 |   ^
 //!            calibration, learned ---+--+--- learned   commands, answers
 //!                                    |  v                 v   |
-//!                                    store (1 Hz) <-------------
+//!                                    storage (1 Hz) <-----------
 //!                                      `--> flash
 //!
 //! every task --check-in--> supervise (20 Hz) --feeds--> watchdog

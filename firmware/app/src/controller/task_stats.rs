@@ -18,6 +18,9 @@ pub struct TaskStats {
 }
 
 /// Statistics of one task at one instant.
+#[doc(alias = "jitter")]
+#[doc(alias = "WCET")]
+#[doc(alias = "execution time")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TaskStatsSnapshot {

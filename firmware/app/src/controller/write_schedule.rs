@@ -7,6 +7,8 @@
 use kou_estimator::units::Micros;
 
 /// Rates of writing, unchecked.
+#[doc(alias = "token bucket")]
+#[doc(alias = "wear levelling")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteScheduleConfig {
     /// Time between two writes of learned health, s: the most that a power cut loses of it.

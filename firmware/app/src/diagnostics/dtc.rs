@@ -16,6 +16,7 @@ const OWN_REJECTIONS: u32 = OWN + 16;
 /// Diagnostic fault of the controller.
 ///
 /// The host's reports print the variants by their `Debug` names.
+#[doc(alias = "diagnostic fault")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FaultCode {
@@ -46,6 +47,7 @@ pub enum FaultCode {
 }
 
 /// Diagnostic trouble code: suspect parameter number (19 bits) and failure mode identifier (5 bits).
+#[doc(alias = "diagnostic trouble code")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Dtc {

@@ -19,6 +19,7 @@ const OCCURRENCES_MAX: u8 = 126;
 
 /// Freeze frame: measured values at the time of a fault, stored in whole steps so that a full memory fits a flash
 /// page.
+#[doc(alias = "snapshot")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FreezeFrame {
@@ -171,6 +172,8 @@ impl DtcEntry {
 }
 
 /// Fault memory.
+#[doc(alias = "DTC memory")]
+#[doc(alias = "error memory")]
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FaultMemory {
     entries: Vec<DtcEntry, CAPACITY>,

@@ -42,6 +42,7 @@ enum ClaimState {
 
 /// Address claim of one controller: [`receive`](Self::receive) takes the claims of other nodes, [`poll`](Self::poll)
 /// returns the frames to send.
+#[doc(alias = "J1939-81")]
 #[derive(Debug, Clone)]
 pub struct AddressClaim {
     name: Name,

@@ -19,6 +19,8 @@ const SPACING_US: u64 = 50_000;
 const BAM: u32 = 32;
 
 /// Broadcast of one message.
+#[doc(alias = "BAM")]
+#[doc(alias = "transport protocol")]
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Broadcast {
     pgn: Pgn,

@@ -40,6 +40,8 @@ impl DebounceParams {
 }
 
 /// State of a debounce: level and confirmed fault.
+#[doc(alias = "fault counter")]
+#[doc(alias = "up-down counter")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DebounceState {
     level: u32,

@@ -101,6 +101,7 @@ impl PlausibilityParams {
 }
 
 /// State of the plausibility checks: debounce of every rule.
+#[doc(alias = "analytical redundancy")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlausibilityState {
     line_a: DebounceState,

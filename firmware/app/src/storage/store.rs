@@ -94,6 +94,7 @@ pub struct RepairReport {
 struct Buffer([u8; BUFFER_LEN]);
 
 /// Record store in one region of flash.
+#[doc(alias = "redundant storage")]
 pub struct Store<F: NorFlash> {
     map: MapStorage<u8, F, Cache<Uncached, Uncached, Uncached, u8>>,
     buffer: Buffer,

@@ -59,6 +59,7 @@ fn started(key: &Key, counter: u32, record: &[u8]) -> Option<Hmac<Sha256>> {
 }
 
 /// Tag of an update; `None` for a record longer than the format allows.
+#[doc(alias = "HMAC")]
 #[must_use]
 pub fn tag(key: &Key, counter: u32, record: &[u8]) -> Option<[u8; TAG_LEN]> {
     let bytes = started(key, counter, record)?.finalize().into_bytes();

@@ -56,6 +56,7 @@ pub enum CobsEvent {
 }
 
 /// COBS decoder of a byte stream.
+#[doc(alias = "byte stuffing")]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CobsDecoder {
     /// Bytes that remain in the present block.

@@ -51,6 +51,8 @@ pub struct PickupCounts {
 }
 
 /// State of one pickup.
+#[doc(alias = "tachometer")]
+#[doc(alias = "speed sensor")]
 #[derive(Debug, Clone)]
 pub struct PickupState {
     /// Timer count at the last poll, extended by its wraps.
