@@ -6,6 +6,7 @@ use host_sim::evaluate::{Course, Event, Looks, Run, Setting, Share, Tally, World
 use kou_estimator::health::Cause;
 use kou_estimator::units::{Celsius, Megapascal, RevPerMin};
 use kou_estimator::{Calibration, State, record, step};
+use kou_identify::calibration::SensorClass;
 use support::{Folder, calibrated};
 
 fn set_up() -> (Setting, Calibration) {

@@ -238,7 +238,7 @@ mod tests {
         let suspected =
             Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
         let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
-        assert_eq!(reported.seen, Err(Reason::SensorSuspected));
+        assert_eq!(reported.observed, Err(Reason::SensorSuspected));
         assert_eq!(reported.expected, Err(Reason::SensorSuspected));
         // After five seconds of agreement the sensor is used again, whatever health still waits for.
         let mut check = ConsistencyCheck::new();
@@ -247,7 +247,7 @@ mod tests {
         }
         for i in 1..=RECOVER_COUNT {
             let reported = check.apply(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
-            assert_eq!(reported.seen.is_ok(), i == RECOVER_COUNT, "{i}");
+            assert_eq!(reported.observed.is_ok(), i == RECOVER_COUNT, "{i}");
         }
     }
 
