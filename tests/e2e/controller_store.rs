@@ -14,8 +14,9 @@ use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::update::{Addresses, frames};
 use kou_app::calibration::CalibrationSource;
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, NoEstimate, SensorsMemory, StorageTask,
-    WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
+    CanInterface, CanPort, Controller, Estimator, FrontEnd, NoEstimate, SensorsMemory, StartReason,
+    StorageTask, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample,
+    run_storage,
 };
 use kou_app::diagnostics::ResetCause;
 use kou_app::diagnostics::crash_log::{self, Note};
@@ -23,7 +24,7 @@ use kou_app::diagnostics::{FaultCode, FaultMemory};
 use kou_app::j1939::node::UPDATE;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{ConversionError, Input};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, MIN_BYTES, Store, StoredCalibration};
 use kou_app::update::wire::UpdateAnswer;
@@ -62,7 +63,7 @@ impl FrontEnd for SilentConverter {
 #[derive(Default)]
 struct UpdateTool {
     to_send: Vec<Frame>,
-    answers: Vec<Answer>,
+    answers: Vec<UpdateAnswer>,
     waits: bool,
 }
 
@@ -101,7 +102,7 @@ struct TaskRun {
 fn run(
     flash: TestFlash,
     default: Option<&[u8]>,
-    begin: Begin,
+    begin: StartReason,
     to_send: Vec<Frame>,
     busy: Duration,
     ms: u64,
@@ -113,7 +114,7 @@ fn run(
 fn run_with_pause(
     flash: TestFlash,
     default: Option<&[u8]>,
-    begin: Begin,
+    begin: StartReason,
     to_send: Vec<Frame>,
     busy: Duration,
     ms: u64,
@@ -161,8 +162,8 @@ fn run_with_pause(
     TaskRun { flash, controller, tool: tool.into_inner() }
 }
 
-fn power_on() -> Begin {
-    Begin { cause: ResetCause::PowerOn, note: None }
+fn power_on() -> StartReason {
+    StartReason { cause: ResetCause::PowerOn, crash_record: None }
 }
 
 fn read<R: for<'a> kou_app::storage::Record<'a>>(flash: &TestFlash) -> Option<R> {
@@ -275,7 +276,7 @@ fn a_panic_is_recorded_with_its_message_and_operating_hours_continue() {
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));
     assert!(life.operating_s >= hours.operating_s + 5, "{life:?}");
     let stop = read::<CrashReport>(&second.flash).unwrap();
-    assert_eq!((stop.note.text.as_str(), stop.operating_s), (text, hours.operating_s));
+    assert_eq!((stop.crash.text.as_str(), stop.operating_s), (text, hours.operating_s));
     let faults = read::<FaultMemory>(&second.flash).unwrap();
     let entry = faults.get(FaultCode::Panic).expect("it is in the fault memory");
     assert_eq!((entry.active, entry.first.operating_s), (false, hours.operating_s));
@@ -296,8 +297,8 @@ fn a_failing_flash_is_a_diagnostic_fault_and_estimates_continue() {
         .controller
         .faults(|memory| memory.active().any(|entry| entry.code() == Some(FaultCode::StorageFailed)));
     assert!(is_active);
-    let [_, estimate, ..] = after.controller.vitals.read();
-    assert_eq!((estimate.turns, estimate.missed), (599, 0));
+    let [_, estimate, ..] = after.controller.task_stats.read();
+    assert_eq!((estimate.cycles, estimate.missed), (599, 0));
 }
 
 #[test]

@@ -149,7 +149,7 @@ fn qemu_calibration_refused_names_the_field() {
     for (calibration, field, problem) in refusals {
         match session.load_calibration(&record_of(&calibration)) {
             Err(PilError::CalibrationRefused(refusal)) => {
-                assert_eq!(refusal, Refusal::Field { field: field.to_string(), problem });
+                assert_eq!(refusal, CalibrationRejection::Field { field: field.to_string(), problem });
             }
             other => panic!("{field}: {other:?}"),
         }
@@ -157,7 +157,9 @@ fn qemu_calibration_refused_names_the_field() {
     let mut record = record_of(&good);
     record[20] ^= 1;
     match session.load_calibration(&record) {
-        Err(PilError::CalibrationRefused(refusal)) => assert_eq!(refusal, Refusal::Record(RecordError::Crc)),
+        Err(PilError::CalibrationRefused(refusal)) => {
+            assert_eq!(refusal, CalibrationRejection::Record(RecordError::Crc))
+        }
         other => panic!("{other:?}"),
     }
     // The calibration before them is still in use.

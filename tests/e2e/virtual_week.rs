@@ -15,15 +15,15 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
 use host_sim::pil::plant::{Parts, Scenario, Vehicle};
 use kou_app::controller::{
-    Begin, Bus, CanPort, Controller, Estimator, FrontEnd, NoEstimate, Publish, SensorsMemory, StorageTask,
-    Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample,
-    run_storage, run_supervise,
+    CanInterface, CanPort, Controller, Estimator, FrontEnd, NoEstimate, Publish, SensorsMemory, StartReason,
+    StorageTask, Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish,
+    run_sample, run_storage, run_supervise,
 };
 use kou_app::diagnostics::FaultMemory;
 use kou_app::diagnostics::ResetCause;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
-use kou_app::sensors::adc::{ConversionError, Counts, Input, request};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::adc::{AdcCounts, ConversionError, Input, request};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{HealthRecord, OperatingCounters, Store};
 use kou_app::update::{NoKey, Service, Session};
@@ -53,7 +53,7 @@ const POINTS: [[f64; 4]; 9] = [
 /// Counts of the stamping timer in a minute.
 const COUNTS: u32 = 600_000_000;
 
-fn minute() -> Vec<Inputs> {
+fn minute() -> Vec<SensorInputs> {
     let points = POINTS.map(|[time_s, n, alpha, load]| {
         format!("[[at]]\ntime_s = {time_s}\nn_p_rpm = {n}\nalpha = {alpha}\nload_nm = {load}\nt_b_c = 60.0\n")
     });
@@ -71,11 +71,11 @@ fn minute() -> Vec<Inputs> {
             let time_s = f64::from(ms) * 1e-3;
             let truth = vehicle.millisecond(&scenario.command(time_s)).expect("the surrogate never gives up");
             let signals = parts.millisecond(time_s, &truth);
-            let mut inputs = Inputs::new();
+            let mut inputs = SensorInputs::new();
             for (number, conversion) in (0..).zip(&mut inputs.analog) {
                 let [_, high, low] = signals.answer(request(Input::new(number).expect("below eight")));
                 *conversion =
-                    Counts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(ConversionError::NoAnswer);
+                    AdcCounts::new(u16::from_be_bytes([high & 0x0F, low])).ok_or(ConversionError::NoAnswer);
             }
             inputs.count = signals.count;
             for (edges, stamps) in [(&mut inputs.pump, &signals.pump), (&mut inputs.motor, &signals.motor)] {
@@ -180,7 +180,7 @@ fn drive(minutes: u64) {
     let controller = Controller::<NoopRawMutex>::new();
     let default = record_of(&reference_calibration());
     let flash = RamFlash::<FLASH_LEN, FLASH_PAGE>::new();
-    let mut session = Session::new();
+    let mut session = UpdateSession::new();
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
     let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
     let begin = Begin { cause: ResetCause::PowerOn, note: None };
@@ -222,12 +222,12 @@ fn drive(minutes: u64) {
         clock.advance(Duration::from_millis(1));
         poll();
     }
-    let vitals = controller.vitals.read();
-    let turns = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
+    let task_stats = controller.task_stats.read();
+    let cycles = [1, 10, 10, 1000, 50].map(|period| (milliseconds / period) as u32);
     // Turns wrap at 2^32, which a week at 1 kHz does not reach.
-    assert_eq!(vitals.map(|vital| vital.turns), turns);
-    for vital in vitals {
-        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0), "{vital:?}");
+    assert_eq!(task_stats.map(|stats| stats.cycles), cycles);
+    for stats in task_stats {
+        assert_eq!((stats.missed, stats.skipped, stats.max_jitter_us), (0, 0, 0), "{stats:?}");
     }
     let (valid, invalid, none) = (counts.valid.get(), counts.invalid.get(), counts.none.get());
     println!("{milliseconds} ms: {valid} estimates valid, {invalid} with a reason, {none} none");

@@ -1,4 +1,4 @@
-//! Records of every age, and the rules of the flash in RAM. Power cuts and damaged bits: `tests/e2e/storage.rs`.
+//! Record migration, and the rules of the flash in RAM. Power failures and damaged bits: `tests/e2e/storage.rs`.
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
@@ -11,22 +11,22 @@ use kou_emulation::ram_flash::{RamFlashError, Torn};
 use serde::{Deserialize, Serialize};
 
 const BYTES: usize = MIN_BYTES as usize;
-type Flash = RamFlash<BYTES, 2048>;
+type MinimalFlash = RamFlash<BYTES, 2048>;
 
-fn store() -> Store<Flash> {
-    Store::new(Flash::new(), 0..MIN_BYTES).unwrap()
+fn store() -> Store<MinimalFlash> {
+    Store::new(MinimalFlash::new(), 0..MIN_BYTES).unwrap()
 }
 
 #[test]
-fn a_region_that_cannot_be_used_is_refused_by_name() {
-    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
+fn unusable_region_is_rejected_by_name() {
+    assert_eq!(Store::new(MinimalFlash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
     let odd = Store::new(RamFlash::<{ 2 * BYTES }, 2048>::new(), 8..MIN_BYTES + 8);
     assert_eq!(odd.err(), Some(RegionError::Pages));
     let small = Store::new(RamFlash::<BYTES, 512>::new(), 0..MIN_BYTES);
     assert_eq!(small.err(), Some(RegionError::PageTooSmall));
 }
 
-/// Hours as an imagined earlier version would have stored them.
+/// Operating counters of a fictitious earlier version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Older {
     hours: u16,
@@ -37,7 +37,7 @@ impl Record<'_> for Older {
     const SCHEMA: u16 = 0;
 }
 
-/// As the next version might.
+/// Operating counters of a fictitious next version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Newer {
     operating_s: u32,
@@ -59,7 +59,7 @@ impl<'a> Record<'a> for Newer {
 }
 
 #[test]
-fn an_older_record_is_migrated_and_a_foreign_one_refused_by_name() {
+fn older_record_is_migrated_and_unsupported_schema_is_rejected_by_name() {
     let mut store = store();
     block_on(async {
         assert_eq!(store.read::<Newer>().await, Ok(None));
@@ -75,7 +75,7 @@ fn an_older_record_is_migrated_and_a_foreign_one_refused_by_name() {
 }
 
 #[test]
-fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
+fn record_that_is_too_long_is_rejected_and_the_previous_one_remains() {
     let mut store = store();
     let long = [7; BUFFER_LEN];
     block_on(async {
@@ -108,8 +108,8 @@ fn unasked_restarts_are_counted_and_are_troubles() {
 }
 
 #[test]
-fn flash_in_ram_keeps_the_rules_of_nor_flash() {
-    let mut flash = Flash::new();
+fn flash_in_ram_follows_the_rules_of_nor_flash() {
+    let mut flash = MinimalFlash::new();
     block_on(async {
         flash.write(8, &[1; 8]).await.unwrap();
         assert_eq!(flash.write(8, &[1; 8]).await, Err(RamFlashError::NotErased));

@@ -65,7 +65,7 @@ pub enum PilError {
     },
     /// The firmware refused the calibration.
     #[error("the firmware refused the calibration: {0}")]
-    CalibrationRefused(Refusal<String>),
+    CalibrationRefused(CalibrationRejection<String>),
     /// The firmware speaks another version of the link's protocol.
     #[error("the firmware speaks version {firmware} of the link's protocol, this program version {host}")]
     Version {

@@ -1,6 +1,6 @@
 //! Replay counter, also where one of its records cannot be read.
 
-use kou_app::storage::{Kind, Record, UpdateCounter};
+use kou_app::storage::{Record, RecordKind, UpdateCounter};
 
 use super::*;
 
@@ -33,7 +33,7 @@ fn an_unusable_stored_calibration_is_a_diagnostic_fault_and_without_a_known_coun
     block_on(controller.store.erase()).unwrap();
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &[] })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, None));
+    assert_eq!((loaded.counter, loaded.fault), (8, None));
     // Nothing at all: nothing to estimate with, and said so by its absence.
     assert!(block_on(load(&mut controller.store, None, &mut None::<Params>)).live.is_none());
 }

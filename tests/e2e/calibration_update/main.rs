@@ -55,7 +55,7 @@ impl UpdateBench {
         let default = record_of(&with_serial(reference_calibration(), ""));
         let store = Store::new(TestFlash::new(), 0..MIN_BYTES).unwrap();
         let mut controller = Self {
-            session: Session::new(),
+            session: UpdateSession::new(),
             store,
             faults: FaultMemory::new(),
             keys: Box::new(keys),
@@ -84,14 +84,14 @@ impl UpdateBench {
         }
         let outcome = match outcome.todo {
             None => outcome,
-            Some(Todo::Store { counter }) => {
+            Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: self.session.record() };
                 let written = block_on(self.store.write(&stored)).is_ok();
                 let outcome = self.session.stored(written);
                 self.start();
                 outcome
             }
-            Some(Todo::Fill(_)) => {
+            Some(SessionAction::Fill(_)) => {
                 let record = self.default.clone();
                 self.session.fill(self.now, |buffer| {
                     buffer.get_mut(..record.len())?.copy_from_slice(&record);
@@ -104,7 +104,7 @@ impl UpdateBench {
 
     fn receive(&mut self, tool: u8, command: [u8; 8]) -> Option<Answer> {
         self.now.0 += 1000;
-        let guard = Guard {
+        let guard = UpdateGuard {
             loaded: self.loaded,
             keys: &*self.keys,
             counter: self.counter,

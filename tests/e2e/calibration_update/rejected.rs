@@ -16,7 +16,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     assert!(matches!(controller.send(transfer(&first, 5, &key).commands()), Some(UpdateAnswer::Committed { .. })));
     let new = record_of(&changed(0.002));
     let good = transfer(&new, 6, &key);
-    let commands: Vec<Command> = good.commands().collect();
+    let commands: Vec<UpdateCommand> = good.commands().collect();
 
     // Authentication: a wrong key, a changed byte, a tag for another counter.
     controller.assert_rejected(transfer(&new, 6, &TestKey::from_seed(2)).commands(), RejectReason::Mac);
@@ -71,7 +71,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     assert!(matches!(interrupted, Some(UpdateAnswer::Rejected { reason: RejectReason::Busy, .. })));
     controller.now.0 += 1_000_001;
     let outcome = controller.session.poll(controller.now);
-    assert_eq!(outcome.refused, Some(RejectReason::TimeOut));
+    assert_eq!(outcome.rejected, Some(RejectReason::TimeOut));
     assert!(controller.handle(outcome).is_some() && controller.session.is_idle());
     // A command of no version.
     let unknown = controller.receive(TOOL, [0x77; 8]);
@@ -83,7 +83,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     controller.store.flash().cut_after(300, Torn::Clean);
     let answer = commands.iter().fold(None, |_, command| {
         controller.now.0 += 1000;
-        let guard = Guard {
+        let guard = UpdateGuard {
             loaded: false,
             keys: &*controller.keys,
             counter: controller.counter,
@@ -91,12 +91,12 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
         };
         let outcome = controller.session.receive(controller.now, TOOL, command.to_bytes(), &guard);
         match outcome.todo {
-            Some(Todo::Store { counter }) => {
+            Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: controller.session.record() };
                 let written = block_on(controller.store.write(&stored)).is_ok();
-                controller.session.stored(written).refused
+                controller.session.stored(written).rejected
             }
-            _ => outcome.refused,
+            _ => outcome.rejected,
         }
     });
     assert_eq!(answer, Some(RejectReason::Storage));

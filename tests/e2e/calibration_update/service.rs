@@ -1,7 +1,7 @@
 //! Update service: owner of store and session.
 
 use kou_app::storage::{HealthRecord, UpdateCounter};
-use kou_app::update::{Handled, Service};
+use kou_app::update::{CommandOutcome, UpdateService};
 use kou_emulation::ram_flash::Torn;
 use kou_estimator::health::HealthState;
 use kou_estimator::record;
@@ -19,18 +19,20 @@ fn the_service_adopts_an_update_and_reads_back_the_stored_records() {
     let mut place = None;
     let opened = block_on(service.open(&mut place));
     assert_eq!(
-        (opened.adopted.map(|state| state.source), opened.trouble),
+        (opened.adopted.map(|state| state.source), opened.fault),
         (Some(CalibrationSource::Default), None)
     );
     assert_eq!(place.as_ref(), Some(&reference_params()));
     let record = record_of(&changed(0.001));
-    let send = |service: &mut Service<'_, _, TestKey>, counter: u32, tool_key: &TestKey, loaded: bool| {
-        let (mut last, mut place) = (Handled::default(), None);
-        for (number, command) in transfer(&record, counter, tool_key).commands().enumerate() {
-            let now = Micros(1000 * number as u64);
-            last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, &mut place));
-            if last.trouble.is_some() {
-                break;
+    let send =
+        |service: &mut UpdateService<'_, _, TestKey>, counter: u32, tool_key: &TestKey, loaded: bool| {
+            let (mut last, mut place) = (CommandOutcome::default(), None);
+            for (number, command) in transfer(&record, counter, tool_key).commands().enumerate() {
+                let now = Micros(1000 * number as u64);
+                last = block_on(service.receive(now, TOOL, command.to_bytes(), loaded, &mut place));
+                if last.fault.is_some() {
+                    break;
+                }
             }
         }
         (last, place)
@@ -51,8 +53,8 @@ fn the_service_adopts_an_update_and_reads_back_the_stored_records() {
         Some(FaultCode::UpdateRefused(RejectReason::OldCounter))
     );
     // What is read is what is in use now; learned state only where there is one.
-    let read = |service: &mut Service<'_, _, TestKey>, what| {
-        let command = Command::Read { what }.to_bytes();
+    let read = |service: &mut UpdateService<'_, _, TestKey>, what| {
+        let command = UpdateCommand::Read { what }.to_bytes();
         block_on(service.receive(Micros(0), TOOL, command, false, &mut None::<Params>)).answer.unwrap().1
     };
     let length = u16::try_from(record.len()).unwrap();

@@ -74,7 +74,7 @@ fn capture() -> (BusCapture, Value) {
             estimate: &estimate,
             health: Some(&health),
             calibration: CalibrationState { source: CalibrationSource::Stored, crc },
-            troubles: faults.troubles(),
+            dtcs: faults.reports(),
         };
         while let Some(frame) = node.poll(now, &outputs) {
             let (message, signals) = meaning(&frame, &outputs, &mut counter);
@@ -139,17 +139,17 @@ fn capture_update(capture: &mut BusCapture, node: &Node, begin: Micros) {
         }
         signals
     };
-    let commands = transfer.commands().chain([Command::Abort, Command::Next { number: 0 }]);
+    let commands = transfer.commands().chain([UpdateCommand::Abort, UpdateCommand::Next { number: 0 }]);
     for (number, command) in commands.enumerate() {
         let now = Micros(begin.0 + 1000 * number as u64);
         let data = command.to_bytes();
         let command_name = match command {
-            Command::Begin { .. } => "begin",
-            Command::Data { .. } => "data",
-            Command::Commit => "commit",
-            Command::Abort => "abort",
-            Command::Read { .. } => "read",
-            Command::Next { .. } => "next",
+            UpdateCommand::Begin { .. } => "begin",
+            UpdateCommand::Data { .. } => "data",
+            UpdateCommand::Commit => "commit",
+            UpdateCommand::Abort => "abort",
+            UpdateCommand::Read { .. } => "read",
+            UpdateCommand::Next { .. } => "next",
         };
         let frame = Frame::new(Id::new(7, c::UPDATE_COMMAND.pgn, ADDRESS, TOOL), data);
         capture.add(now, &frame, &c::UPDATE_COMMAND, bytes(("Command", command_name), &data));

@@ -69,7 +69,7 @@ fn hostile(random: &mut SplitMix64, genuine: &[Frame], address: u8) -> Frame {
 }
 
 fn quiet<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), dtcs: faults.reports() }
 }
 
 #[test]
@@ -126,12 +126,12 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
 
         let received = node.receive(now, &frame);
         if let Received::Update { source, data } = received {
-            let guard = Guard { loaded: false, keys: &key, counter, machine: Some(&machine) };
+            let guard = UpdateGuard { loaded: false, keys: &key, counter, machine: Some(&machine) };
             let outcome = session.receive(now, source, data, &guard);
             match outcome.todo {
-                Some(Todo::Store { .. }) => panic!("{frame:?} led to a write"),
-                Some(Todo::Fill(_)) => {
-                    assert!(session.fill(now, |_| None).refused.is_some());
+                Some(SessionAction::Store { .. }) => panic!("{frame:?} led to a write"),
+                Some(SessionAction::Fill(_)) => {
+                    assert!(session.fill(now, |_| None).rejected.is_some());
                 }
                 None => {}
             }

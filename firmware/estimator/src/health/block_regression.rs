@@ -52,7 +52,7 @@ impl BlockRegression {
 
     /// Sets up the regression model of a block.
     #[inline(always)]
-    pub fn of(context: &HealthContext, block: &Block) -> Self {
+    pub(super) fn of(context: &HealthContext, block: &Block) -> Self {
         let config = &context.params.config;
         let mean = &block.mean;
         let per_level = mean.ratio_per_kou * mean.kou_law;

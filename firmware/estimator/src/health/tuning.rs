@@ -18,7 +18,7 @@ pub(super) const MAX_GAP_BLOCKS: u64 = 4;
 /// Weight of a new value in the moving average of the R-statistic, `lambda_1`; no unit.
 ///
 /// Source: chosen for blocks of half a second; the method is that of Cao and Rhinehart 1995. Sensitivity: a ramp lags
-/// by `1/lambda_1` values, so half the value doubles what a ramp contributes and the delay with which the gate opens.
+/// by `1/lambda_1` values, so half the value doubles what a ramp contributes.
 pub(super) const AVERAGE_WEIGHT: f32 = 0.3;
 
 /// Weight of a new squared distance from the moving average, `lambda_2`; no unit.
@@ -79,8 +79,8 @@ pub(super) const RATIO_RESIDUAL_FLOOR: f32 = 0.004;
 /// Standard deviation of the level before anything was learned; no unit (leakage over the law's).
 ///
 /// Source: the machine may have worn since it was calibrated; the intervals of machines worn by 0.3 (1 sigma) hold
-/// (`host-sim evaluate`, 1000 trials: 97.6 % in the first quarter of an hour, 94.8 % later). Sensitivity: halved,
-/// intervals of worn machines are too short in the first minutes; later it is forgotten.
+/// (`host-sim evaluate`, 1000 trials: 97.6 % in the first quarter of an hour, 94.8 % later). Sensitivity: not
+/// measured.
 pub(super) const LEVEL_SD_START: f32 = 0.3;
 
 /// Largest variance of the level; no unit.
@@ -147,8 +147,8 @@ pub(super) const MISFIT_SHARE: f32 = 0.58;
 
 /// Hold-off after the start before changes are tested, in decisions.
 ///
-/// Source: chosen; the level is then learned to [`LEARNED_SD`] in most drives, which is tested besides. Sensitivity:
-/// not measured; a fault in this time becomes part of the reference.
+/// Source: chosen; besides, the hold-off lasts until the level is learned to [`LEARNED_SD`]. Sensitivity: not measured;
+/// a fault in this time becomes part of the reference.
 pub(super) const START_HOLDOFF_DECISIONS: f32 = 7.0;
 
 /// Hold-off after a change, and number of decisions from which its causes are isolated.

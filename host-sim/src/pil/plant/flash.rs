@@ -21,7 +21,7 @@ pub type Cells = RamFlash<FLASH_LEN, FLASH_PAGE>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Aim {
     /// In the next write of this record.
-    pub kind: Kind,
+    pub kind: RecordKind,
     /// After this many bytes of it, both copies and what moves for them counted; stretches of 64 erased bytes count one.
     pub byte: usize,
     /// Of what the word under way is left with.
@@ -46,7 +46,7 @@ pub struct Flash {
     /// The aim of the write under way.
     armed: Option<Aim>,
     /// The record that was being written by the last operation.
-    of: Option<Kind>,
+    of: Option<RecordKind>,
     /// Cells as they were before the write that was cut.
     before: Option<Box<Cells>>,
 }
@@ -133,7 +133,7 @@ impl Flash {
     /// Told of every write and in every millisecond which record is being written, so that where a write begins and ends is
     /// known.
     pub fn writes(&mut self, of: Option<u8>) {
-        let of = of.and_then(Kind::from_number);
+        let of = of.and_then(RecordKind::from_number);
         let begins = of != self.of;
         if begins && let Some(armed) = self.armed.take() {
             // That write was shorter than the place aimed at: the next one of its record, then.

@@ -24,7 +24,7 @@ use std::time::Instant;
 
 use kou_app::controller::TaskStatsSnapshot;
 use kou_app::diagnostics::ResetCause;
-use kou_emulation::{Begin, Order, TickReply};
+use kou_emulation::{EmulationStart, Order, TickReply};
 use kou_estimator::Calibration;
 use serde::Serialize;
 
@@ -118,12 +118,12 @@ pub fn run(
     mut progress: impl FnMut(u64),
 ) -> Result<LoopReport, LoopError> {
     let mut run = Run::new(machine, calibration, scenario)?;
-    let begin = Begin {
+    let begin = EmulationStart {
         default: record,
         key: Some(key_of(scenario)),
         cause: ResetCause::PowerOn,
-        note: None,
-        keep_s: scenario.keep_s,
+        crash_record: None,
+        write_period_s: scenario.keep_s,
     };
     let mut rig = Some(Rig::start(options, &begin)?);
     let started = Instant::now();
@@ -131,7 +131,8 @@ pub fn run(
     let milliseconds = (scenario.duration_s * 1000.0).round() as u64;
     for ms in 1..=milliseconds {
         if rig.is_none() && ms >= back_ms {
-            rig = Some(Rig::start(options, &Begin { cause: ResetCause::BrownOut, ..begin.clone() })?);
+            rig =
+                Some(Rig::start(options, &EmulationStart { cause: ResetCause::BrownOut, ..begin.clone() })?);
         }
         let time_s = ms as f64 * 1e-3;
         if let Some(off_s) = run.millisecond(time_s, &scenario.command(time_s), rig.as_mut())? {
@@ -209,8 +210,8 @@ impl Run {
             self.outages.told(time_s, output);
             self.law.watch(output, asked.sample.as_ref(), &self.tool);
         }
-        if let Some(vitals) = asked.vitals {
-            self.last = (vitals, asked.stack_bytes);
+        if let Some(task_stats) = asked.task_stats {
+            self.last = (task_stats, asked.stack_bytes);
         }
         let mut can = self.bus.millisecond(time_s, &asked.can);
         if let Some(frame) = self.tool.millisecond(time_s, &asked.can) {
@@ -229,11 +230,11 @@ impl Run {
     }
 
     fn missed_deadlines(&self) -> u64 {
-        self.missed_before + self.last.0.iter().map(|vital| u64::from(vital.missed)).sum::<u64>()
+        self.missed_before + self.last.0.iter().map(|stats| u64::from(stats.missed)).sum::<u64>()
     }
 
     fn report(&self, scenario: &Scenario, elapsed_s: f64) -> LoopReport {
-        let (vitals, stack_bytes) = self.last;
+        let (task_stats, stack_bytes) = self.last;
         let findings = self.verdict.findings();
         let (outages, updates, law) = (self.outages.findings(), self.tool.findings(), self.law.finding());
         let missed_deadlines = self.missed_deadlines();
@@ -262,9 +263,9 @@ impl Run {
             erasures: self.flash.cells().erasures() as u64,
             bus: self.bus.traffic(),
             missed_deadlines,
-            latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
-            longest_us: vitals.map(|vital| vital.longest_us),
-            turns: vitals.map(|vital| vital.turns),
+            latest_us: task_stats.iter().map(|stats| stats.max_jitter_us).max().unwrap_or(0),
+            longest_us: task_stats.map(|stats| stats.max_execution_us),
+            turns: task_stats.map(|stats| stats.cycles),
             stack_bytes,
         }
     }

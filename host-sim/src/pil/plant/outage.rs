@@ -70,8 +70,8 @@ pub struct Outages {
     powered_s: f64,
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
-    Kind::ALL.into_iter().find(|kind| kind.name() == name)
+fn kind_of(name: &str) -> Option<RecordKind> {
+    RecordKind::ALL.into_iter().find(|kind| kind.name() == name)
 }
 
 impl Outages {

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use kou_emulation::{Begin, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack};
+use kou_emulation::{
+    EmulationStart, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack,
+};
 use tempfile::TempDir;
 
 use super::super::qemu::Qemu;
@@ -44,7 +46,7 @@ impl Rig {
     ///
     /// # Errors
     /// When QEMU or the firmware is missing or does not start.
-    pub fn start(options: &PilOptions, begin: &Begin<'_>) -> Result<Self, PilError> {
+    pub fn start(options: &PilOptions, begin: &EmulationStart<'_>) -> Result<Self, PilError> {
         let doing = PilError::system;
         let directory = tempfile::Builder::new()
             .prefix("kou-rig-")
