@@ -19,16 +19,16 @@ use kou_app::controller::{
     run_storage,
 };
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::crash_log::{self, Note};
+use kou_app::diagnostics::crash_log::{CrashKind, CrashRecord};
 use kou_app::diagnostics::{FaultCode, FaultMemory};
 use kou_app::j1939::node::UPDATE;
 use kou_app::j1939::{Frame, Name, NameConfig, Node};
 use kou_app::sensors::adc::{ConversionError, Input};
 use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
-use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, MIN_BYTES, Store, StoredCalibration};
+use kou_app::storage::{CrashReport, HealthRecord, MIN_BYTES, OperatingCounters, Store, StoredCalibration};
 use kou_app::update::wire::UpdateAnswer;
-use kou_app::update::{Service, Session};
+use kou_app::update::{UpdateService, UpdateSession};
 use kou_emulation::ram_flash::Torn;
 use kou_estimator::State;
 use kou_estimator::record::crc32;
@@ -50,7 +50,7 @@ fn key() -> TestKey {
 struct SilentConverter(Duration);
 
 impl FrontEnd for SilentConverter {
-    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         if Instant::now().as_millis() == 5_000 {
             MockDriver::get().advance(self.0);
         }
@@ -125,10 +125,10 @@ fn run_with_pause(
     let controller = Controller::<NoopRawMutex>::new();
     let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
     let tool = RefCell::new(UpdateTool { to_send, ..UpdateTool::default() });
-    let rates = WriteScheduleConfig { health_s: 3, life_s: 4, ..WriteScheduleConfig::VEHICLE };
-    let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), Session::new());
+    let rates = WriteScheduleConfig { health_s: 3, counters_s: 4, ..WriteScheduleConfig::VEHICLE };
+    let (mut store, mut session) = (Store::new(flash, 0..MIN_BYTES).unwrap(), UpdateSession::new());
     let mut storage_task = StorageTask::new(
-        Service::new(&mut store, &mut session, key(), default),
+        UpdateService::new(&mut store, &mut session, key(), default),
         WriteScheduleParams::new(&rates).unwrap(),
         begin,
     );
@@ -141,9 +141,9 @@ fn run_with_pause(
                 run_sample(c, start, params, &mut SilentConverter(busy), &mut SensorsMemory::new()).await
             }),
             Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
-            Box::pin(
-                async move { run_publish(c, start, &mut Bus::new(UpdateToolPort(tool), node, c)).await },
-            ),
+            Box::pin(async move {
+                run_publish(c, start, &mut CanInterface::new(UpdateToolPort(tool), node, c)).await
+            }),
             Box::pin(async move { run_storage(c, start, k).await }),
         ];
         let mut context = Context::from_waker(Waker::noop());
@@ -266,11 +266,14 @@ fn a_panic_is_recorded_with_its_message_and_operating_hours_continue() {
     let _guard = clock();
     let first = run(TestFlash::new(), None, power_on(), Vec::new(), NOT_BUSY, 9_000);
     let hours = read::<OperatingCounters>(&first.flash).unwrap();
-    assert!((hours.starts, hours.unplanned_resets) == (1, 0) && (5..=9).contains(&hours.operating_s), "{hours:?}");
+    assert!(
+        (hours.starts, hours.unplanned_resets) == (1, 0) && (5..=9).contains(&hours.operating_s),
+        "{hours:?}"
+    );
     let text = "index out of bounds at src/x.rs:12";
-    let note = Note { kind: crash_log::Kind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let note = CrashRecord { kind: CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
     // The hardware reports a requested reset.
-    let begin = Begin { cause: ResetCause::Software, note: Some(note) };
+    let begin = StartReason { cause: ResetCause::Software, crash_record: Some(note) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
     let life = read::<OperatingCounters>(&second.flash).unwrap();
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));

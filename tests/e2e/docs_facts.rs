@@ -5,7 +5,9 @@ use std::path::Path;
 
 use kou_app::diagnostics::FaultMemory;
 
-use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, StoredCalibration, UpdateCounter};
+use kou_app::storage::{
+    CrashReport, HealthRecord, OperatingCounters, Record, StoredCalibration, UpdateCounter,
+};
 use kou_estimator::record::calibration;
 use kou_lumped::machine;
 use kou_pil::link;

@@ -4,7 +4,7 @@ use host_sim::pil::{Line, PilError, PilOptions, Session, frame, run, same_bits};
 use kou_estimator::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
 use kou_estimator::{Params, State, step};
-use kou_pil::link::{ErrorKind, FieldProblem, FrameError, CalibrationRejection, Request, Response};
+use kou_pil::link::{CalibrationRejection, ErrorKind, FieldProblem, FrameError, Request, Response};
 use kou_tests::samples::{HostileSamples, SplitMix64};
 use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
 

@@ -1,10 +1,11 @@
-//! RecordSet in flash: power cuts at every byte of every write, and damage of every bit.
+//! Records in flash: power cuts at every byte of every write, and damage of every bit.
 
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{
-    BUFFER_LEN, Healed, HealthRecord, OperatingCounters, MIN_BYTES, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, HealthRecord, MIN_BYTES, OperatingCounters, RepairReport, Store, StoreError,
+    StoredCalibration,
 };
 use kou_emulation::ram_flash::Torn;
 use kou_tests::samples::{SplitMix64, learned};
@@ -26,59 +27,63 @@ fn version(number: u32) -> RecordSet {
     let calibration = record_of(&calibration);
     let mut faults = FaultMemory::new();
     for (i, code) in FaultCode::all().skip(number as usize).take(5 + number as usize % 7).enumerate() {
-        faults.confirmed(code, FreezeFrame::at(1000 * number + i as u32));
+        faults.confirm(code, FreezeFrame::at(1000 * number + i as u32));
     }
     let mut life = OperatingCounters::new();
-    life.started(ResetCause::Watchdog);
-    life.ran(360 * number);
+    life.count_start(ResetCause::Watchdog);
+    life.add_operating_time(360 * number);
     let health = HealthRecord { calibration_crc: number, state: learned(number) };
     RecordSet { counter: number, calibration, health, faults, life }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum RecordKind {
+enum RecordUnderTest {
     Calibration,
     Health,
     Faults,
     OperatingCounters,
 }
 
-const RECORD_KINDS: [RecordKind; 4] =
-    [RecordKind::Calibration, RecordKind::Health, RecordKind::Faults, RecordKind::Life];
+const RECORD_KINDS: [RecordUnderTest; 4] = [
+    RecordUnderTest::Calibration,
+    RecordUnderTest::Health,
+    RecordUnderTest::Faults,
+    RecordUnderTest::OperatingCounters,
+];
 
 fn store(flash: TestFlash) -> Store<TestFlash> {
     Store::new(flash, 0..MIN_BYTES).unwrap()
 }
 
-fn write(store: &mut Store<TestFlash>, kind: RecordKind, records: &RecordSet) -> Result<(), StoreError> {
+fn write(store: &mut Store<TestFlash>, kind: RecordUnderTest, records: &RecordSet) -> Result<(), StoreError> {
     let calibration = StoredCalibration { counter: records.counter, record: &records.calibration };
     block_on(async {
         match kind {
-            RecordKind::Calibration => store.write(&calibration).await,
-            RecordKind::Health => store.write(&records.health).await,
-            RecordKind::Faults => store.write(&records.faults).await,
-            RecordKind::Life => store.write(&records.life).await,
+            RecordUnderTest::Calibration => store.write(&calibration).await,
+            RecordUnderTest::Health => store.write(&records.health).await,
+            RecordUnderTest::Faults => store.write(&records.faults).await,
+            RecordUnderTest::OperatingCounters => store.write(&records.life).await,
         }
     })
 }
 
 /// Index of the candidate that a record in flash equals; none when it is absent. A panic where it equals none.
-fn found(store: &mut Store<TestFlash>, kind: RecordKind, candidates: &[&RecordSet]) -> Option<usize> {
+fn found(store: &mut Store<TestFlash>, kind: RecordUnderTest, candidates: &[&RecordSet]) -> Option<usize> {
     let which = block_on(async {
         Some(match kind {
-            RecordKind::Calibration => {
+            RecordUnderTest::Calibration => {
                 let read = store.read::<StoredCalibration<'_>>().await.unwrap()?;
                 candidates.iter().position(|c| c.counter == read.counter && c.calibration == read.record)
             }
-            RecordKind::Health => {
+            RecordUnderTest::Health => {
                 let read = store.read::<HealthRecord>().await.unwrap()?;
                 candidates.iter().position(|c| c.health == read)
             }
-            RecordKind::Faults => {
+            RecordUnderTest::Faults => {
                 let read = store.read::<FaultMemory>().await.unwrap()?;
                 candidates.iter().position(|c| c.faults.entries() == read.entries())
             }
-            RecordKind::Life => {
+            RecordUnderTest::OperatingCounters => {
                 let read = store.read::<OperatingCounters>().await.unwrap()?;
                 candidates.iter().position(|c| c.life == read)
             }
@@ -87,8 +92,8 @@ fn found(store: &mut Store<TestFlash>, kind: RecordKind, candidates: &[&RecordSe
     which.map(|which| which.unwrap_or_else(|| panic!("{kind:?}: neither of what was written")))
 }
 
-fn heal(store: &mut Store<TestFlash>) -> Result<Healed, StoreError> {
-    block_on(store.heal(&mut [0; BUFFER_LEN]))
+fn heal(store: &mut Store<TestFlash>) -> Result<RepairReport, StoreError> {
+    block_on(store.repair(&mut [0; BUFFER_LEN]))
 }
 
 #[test]
@@ -235,18 +240,20 @@ fn prop_random_damage_yields_a_written_record_or_an_error_and_erasing_recovers()
             // A record that is read was written once.
             let read = block_on(async {
                 match kind {
-                    RecordKind::Calibration => damaged
+                    RecordUnderTest::Calibration => damaged
                         .read::<StoredCalibration<'_>>()
                         .await
                         .map(|r| r.is_none_or(|r| r.record == old.calibration && r.counter == old.counter)),
-                    RecordKind::Health => {
+                    RecordUnderTest::Health => {
                         damaged.read::<HealthRecord>().await.map(|r| r.is_none_or(|r| r == old.health))
                     }
-                    RecordKind::Faults => damaged
+                    RecordUnderTest::Faults => damaged
                         .read::<FaultMemory>()
                         .await
                         .map(|r| r.is_none_or(|r| r.entries() == old.faults.entries())),
-                    RecordKind::Life => damaged.read::<OperatingCounters>().await.map(|r| r.is_none_or(|r| r == old.life)),
+                    RecordUnderTest::OperatingCounters => {
+                        damaged.read::<OperatingCounters>().await.map(|r| r.is_none_or(|r| r == old.life))
+                    }
                 }
             });
             assert_ne!(read, Ok(false), "{kind:?}");

@@ -26,7 +26,7 @@ use kou_app::sensors::adc::{AdcCounts, ConversionError, Input, request};
 use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{HealthRecord, OperatingCounters, Store};
-use kou_app::update::{NoKey, Service, Session};
+use kou_app::update::{NoKey, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE};
 use kou_estimator::units::Micros;
@@ -90,13 +90,13 @@ fn minute() -> Vec<SensorInputs> {
 
 /// Front end that repeats a minute of inputs.
 struct MinuteReplay<'a> {
-    minute: &'a [Inputs],
+    minute: &'a [SensorInputs],
     at: usize,
     offset: u32,
 }
 
 impl FrontEnd for MinuteReplay<'_> {
-    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+    async fn read(&mut self, _: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         let now = &self.minute[self.at];
         into.analog = now.analog;
         into.count = now.count.wrapping_add(self.offset);
@@ -144,7 +144,7 @@ impl CanPort for EmptyBus {
 /// Publisher that counts estimates before it sends them.
 struct CountingPublisher<'a> {
     counts: &'a EstimateCounts,
-    bus: Bus<'a, EmptyBus, NoopRawMutex>,
+    bus: CanInterface<'a, EmptyBus, NoopRawMutex>,
 }
 
 impl Publish for CountingPublisher<'_> {
@@ -183,9 +183,9 @@ fn drive(minutes: u64) {
     let mut session = UpdateSession::new();
     let mut store = Store::new(flash, 0..FLASH_LEN as u32).expect("the region can be used");
     let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).expect("the rates make sense");
-    let begin = Begin { cause: ResetCause::PowerOn, note: None };
+    let begin = StartReason { cause: ResetCause::PowerOn, crash_record: None };
     let mut storage_task =
-        StorageTask::new(Service::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
+        StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, Some(&default)), rates, begin);
     let params = SensorsParams::new(&wiring::REFERENCE).expect("the reference wiring is sound");
     let counts = EstimateCounts::default();
     let start = Instant::now();
@@ -204,7 +204,7 @@ fn drive(minutes: u64) {
         Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }),
         Box::pin(async move {
             let name = Name::new(&NameConfig::transmission(1)).expect("the name is sound");
-            let bus = Bus::new(EmptyBus, Node::new(name, 0x8C), c);
+            let bus = CanInterface::new(EmptyBus, Node::new(name, 0x8C), c);
             run_publish(c, start, &mut CountingPublisher { counts: s, bus }).await;
         }),
         Box::pin(async move { run_storage(c, start, k).await }),

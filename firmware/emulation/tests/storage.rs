@@ -4,7 +4,8 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::ResetCause;
 use kou_app::storage::{
-    BUFFER_LEN, Kind, OperatingCounters, MIN_BYTES, Record, RegionError, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, MIN_BYTES, OperatingCounters, Record, RecordKind, RegionError, Store, StoreError,
+    StoredCalibration,
 };
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::{RamFlashError, Torn};
@@ -33,7 +34,7 @@ struct Older {
 }
 
 impl Record<'_> for Older {
-    const KIND: Kind = Kind::OperatingCounters;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 0;
 }
 
@@ -44,7 +45,7 @@ struct Newer {
 }
 
 impl<'a> Record<'a> for Newer {
-    const KIND: Kind = Kind::OperatingCounters;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 2;
 
     fn migrate(schema: u16, body: &'a [u8]) -> Option<Self> {
@@ -65,10 +66,16 @@ fn older_record_is_migrated_and_unsupported_schema_is_rejected_by_name() {
         assert_eq!(store.read::<Newer>().await, Ok(None));
         store.write(&Older { hours: 7 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 25_200 })));
-        assert_eq!(store.read::<OperatingCounters>().await, Err(StoreError::Schema { kind: Kind::OperatingCounters, found: 0 }));
+        assert_eq!(
+            store.read::<OperatingCounters>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 0 })
+        );
         store.write(&OperatingCounters::new()).await.unwrap();
-        assert_eq!(store.read::<Newer>().await, Err(StoreError::Schema { kind: Kind::OperatingCounters, found: 1 }));
-        // Refused, it can still be replaced.
+        assert_eq!(
+            store.read::<Newer>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 1 })
+        );
+        // A rejected record can still be replaced.
         store.write(&Newer { operating_s: 1 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 1 })));
     });
@@ -94,16 +101,18 @@ fn record_that_is_too_long_is_rejected_and_the_previous_one_remains() {
 }
 
 #[test]
-fn unasked_restarts_are_counted_and_are_troubles() {
+fn unplanned_resets_are_counted_and_are_faults() {
     let mut life = OperatingCounters::new();
-    let unasked = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
-    for cause in [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unasked) {
-        life.started(cause);
-        assert_eq!(cause.trouble().is_some(), unasked.contains(&cause));
+    let unplanned_resets = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
+    for cause in
+        [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unplanned_resets)
+    {
+        life.count_start(cause);
+        assert_eq!(cause.fault_code().is_some(), unplanned_resets.contains(&cause));
     }
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (6, 3, ResetCause::Panic));
-    life.ran(u32::MAX);
-    life.ran(1);
+    life.add_operating_time(u32::MAX);
+    life.add_operating_time(1);
     assert_eq!(life.operating_s, u32::MAX);
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use kou_pil::link::{EncodeError, CalibrationRejection};
+use kou_pil::link::{CalibrationRejection, EncodeError};
 
 /// Command that installs QEMU on Debian and its descendants.
 pub const INSTALL_QEMU: &str = "sudo apt-get install --no-install-recommends qemu-system-arm";

@@ -44,13 +44,15 @@ fn frames_of_the_pc_tool_are_accepted() {
 #[test]
 fn the_stored_record_is_read_back_in_segments() {
     let mut controller = UpdateBench::new(NoKey);
-    let Some(UpdateAnswer::ReadReady { what: 1, length, crc }) = controller.send([Command::Read { what: 1 }]) else {
+    let Some(UpdateAnswer::ReadReady { what: 1, length, crc }) =
+        controller.send([UpdateCommand::Read { what: 1 }])
+    else {
         panic!("nothing to be read")
     };
     let mut bytes = Vec::new();
     for number in 0..usize::from(length).div_ceil(6) {
         let number = u8::try_from(number).unwrap();
-        match controller.send([Command::Next { number }]) {
+        match controller.send([UpdateCommand::Next { number }]) {
             Some(UpdateAnswer::Segment { number: found, bytes: six }) if found == number => bytes.extend(six),
             other => panic!("{other:?}"),
         }
@@ -58,5 +60,8 @@ fn the_stored_record_is_read_back_in_segments() {
     bytes.truncate(usize::from(length));
     assert_eq!(bytes, controller.default);
     assert_eq!(record::crc32(&bytes), crc);
-    assert!(matches!(controller.send([Command::Next { number: 255 }]), Some(UpdateAnswer::Rejected { .. })));
+    assert!(matches!(
+        controller.send([UpdateCommand::Next { number: 255 }]),
+        Some(UpdateAnswer::Rejected { .. })
+    ));
 }

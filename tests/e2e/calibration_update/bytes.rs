@@ -9,8 +9,8 @@ fn every_command_and_answer_survives_encoding_and_decoding() {
     let mut random = SplitMix64(7);
     for _ in 0..100_000 {
         let bytes: [u8; 8] = random.next_u64().to_le_bytes();
-        if let Some(command) = Command::from_bytes(bytes) {
-            assert_eq!(Command::from_bytes(command.to_bytes()), Some(command));
+        if let Some(command) = UpdateCommand::from_bytes(bytes) {
+            assert_eq!(UpdateCommand::from_bytes(command.to_bytes()), Some(command));
         }
         let mut bytes = bytes;
         bytes[0] = [0x81, 0x82, 0x83, 0x84, 0x91, 0x92, 0x7F, bytes[0]][random.below(8)];

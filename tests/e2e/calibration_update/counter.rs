@@ -9,7 +9,7 @@ use super::*;
 struct OtherLayout(u8);
 
 impl Record<'_> for OtherLayout {
-    const KIND: Kind = Kind::Calibration;
+    const KIND: RecordKind = RecordKind::Calibration;
     const SCHEMA: u16 = 99;
 }
 
@@ -22,7 +22,7 @@ fn an_unusable_stored_calibration_is_a_diagnostic_fault_and_without_a_known_coun
     old[4] = 1;
     block_on(controller.store.write(&StoredCalibration { counter: 8, record: &old })).unwrap();
     let loaded = block_on(load(&mut controller.store, Some(&controller.default), &mut None::<Params>));
-    assert_eq!((loaded.counter, loaded.trouble), (8, Some(FaultCode::CalibrationLost)));
+    assert_eq!((loaded.counter, loaded.fault), (8, Some(FaultCode::CalibrationLost)));
     assert_eq!(controller.start(), CalibrationSource::Default);
     controller.assert_rejected(transfer(&old, 9, &key).commands(), RejectReason::Record);
     // Of a layout that it does not read at all, and without a record of the counter: any update could be a replay.

@@ -21,8 +21,10 @@ use kou_app::calibration::load;
 use kou_app::diagnostics::RejectReason;
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, UpdateTransfer};
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{
+    Key, KeySource, SessionAction, SessionOutcome, UpdateGuard, UpdateSession, UpdateTransfer,
+};
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Params};
 use kou_tests::samples::SplitMix64;
@@ -38,7 +40,7 @@ fn with_serial(mut calibration: Calibration, serial: &str) -> Calibration {
 
 /// Flash, live calibration and update session, combined as in the firmware's tasks.
 struct UpdateBench {
-    session: Session,
+    session: UpdateSession,
     store: Store<TestFlash>,
     faults: FaultMemory,
     keys: Box<dyn KeySource>,
@@ -78,9 +80,9 @@ impl UpdateBench {
         live.state.source
     }
 
-    fn handle(&mut self, outcome: Outcome) -> Option<Answer> {
-        if let Some(reason) = outcome.refused {
-            self.faults.happened(FaultCode::UpdateRefused(reason), FreezeFrame::at(1));
+    fn handle(&mut self, outcome: SessionOutcome) -> Option<UpdateAnswer> {
+        if let Some(reason) = outcome.rejected {
+            self.faults.record_event(FaultCode::UpdateRefused(reason), FreezeFrame::at(1));
         }
         let outcome = match outcome.todo {
             None => outcome,
@@ -102,7 +104,7 @@ impl UpdateBench {
         outcome.answer.map(|(_, answer)| answer)
     }
 
-    fn receive(&mut self, tool: u8, command: [u8; 8]) -> Option<Answer> {
+    fn receive(&mut self, tool: u8, command: [u8; 8]) -> Option<UpdateAnswer> {
         self.now.0 += 1000;
         let guard = UpdateGuard {
             loaded: self.loaded,
@@ -115,7 +117,7 @@ impl UpdateBench {
     }
 
     /// Sends commands until one is rejected or not answered; returns the last answer.
-    fn send(&mut self, commands: impl IntoIterator<Item = Command>) -> Option<Answer> {
+    fn send(&mut self, commands: impl IntoIterator<Item = UpdateCommand>) -> Option<UpdateAnswer> {
         let mut last = None;
         for command in commands {
             last = self.receive(TOOL, command.to_bytes());
@@ -133,10 +135,11 @@ impl UpdateBench {
     }
 
     #[track_caller]
-    fn assert_rejected(&mut self, commands: impl IntoIterator<Item = Command>, why: RejectReason) {
+    fn assert_rejected(&mut self, commands: impl IntoIterator<Item = UpdateCommand>, why: RejectReason) {
         let before = self.snapshot();
-        let occurred =
-            |faults: &FaultMemory| faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);
+        let occurred = |faults: &FaultMemory| {
+            faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences)
+        };
         let count = occurred(&self.faults);
         match self.send(commands) {
             Some(UpdateAnswer::Rejected { reason: found, .. }) => assert_eq!(found, why),
@@ -153,6 +156,6 @@ fn changed(by: f32) -> Calibration {
     calibration
 }
 
-fn transfer(record: &[u8], counter: u32, key: &TestKey) -> Transfer {
+fn transfer(record: &[u8], counter: u32, key: &TestKey) -> UpdateTransfer {
     UpdateTransfer::new(record, counter, key.key()).unwrap()
 }

@@ -13,7 +13,10 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     let key = TestKey::from_seed(1);
     let mut controller = UpdateBench::new(TestKey::from_seed(1));
     let first = record_of(&changed(0.001));
-    assert!(matches!(controller.send(transfer(&first, 5, &key).commands()), Some(UpdateAnswer::Committed { .. })));
+    assert!(matches!(
+        controller.send(transfer(&first, 5, &key).commands()),
+        Some(UpdateAnswer::Committed { .. })
+    ));
     let new = record_of(&changed(0.002));
     let good = transfer(&new, 6, &key);
     let commands: Vec<UpdateCommand> = good.commands().collect();
@@ -23,8 +26,10 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     let mut tampered = new.clone();
     tampered[100] ^= 1;
     let tag = mac::tag(key.key(), 6, &new).unwrap();
-    controller.assert_rejected(UpdateTransfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
-    controller.assert_rejected(UpdateTransfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
+    controller
+        .assert_rejected(UpdateTransfer::with_tag(&tampered, 6, &tag).unwrap().commands(), RejectReason::Mac);
+    controller
+        .assert_rejected(UpdateTransfer::with_tag(&new, 7, &tag).unwrap().commands(), RejectReason::Mac);
     // Replay.
     controller.assert_rejected(transfer(&first, 5, &key).commands(), RejectReason::OldCounter);
     controller.assert_rejected(transfer(&new, 4, &key).commands(), RejectReason::OldCounter);
@@ -40,7 +45,7 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     controller.assert_rejected(transfer(&wrong, 6, &key).commands(), RejectReason::Field);
     // Lengths that no record has.
     for length in [0, 11, record::calibration::MAX_LEN as u16 + 1, u16::MAX] {
-        controller.assert_rejected([Command::Begin { length, counter: 6 }], RejectReason::Length);
+        controller.assert_rejected([UpdateCommand::Begin { length, counter: 6 }], RejectReason::Length);
     }
     // Segments that are missing, twice, or too many; commit too early; no beginning.
     let mut skipped = commands.clone();
@@ -51,19 +56,19 @@ fn each_rejection_has_its_reason_is_logged_and_changes_nothing() {
     controller.assert_rejected(twice, RejectReason::OutOfOrder);
     let mut many = commands.clone();
     let next = u8::try_from(commands.len() - 2).unwrap();
-    many.insert(commands.len() - 1, Command::Data { number: next, bytes: [0; 6] });
+    many.insert(commands.len() - 1, UpdateCommand::Data { number: next, bytes: [0; 6] });
     controller.assert_rejected(many, RejectReason::OutOfOrder);
-    let early = commands[..50].iter().copied().chain([Command::Commit]);
+    let early = commands[..50].iter().copied().chain([UpdateCommand::Commit]);
     controller.assert_rejected(early.collect::<Vec<_>>(), RejectReason::Incomplete);
     controller.assert_rejected(commands[1..].to_vec(), RejectReason::NoTransfer);
-    controller.assert_rejected([Command::Commit], RejectReason::NoTransfer);
+    controller.assert_rejected([UpdateCommand::Commit], RejectReason::NoTransfer);
     // A loaded drive: at the beginning, and when it came under load meanwhile.
     controller.loaded = true;
     controller.assert_rejected(commands.clone(), RejectReason::Loaded);
     controller.loaded = false;
     let _ = controller.send(commands[..commands.len() - 1].to_vec());
     controller.loaded = true;
-    controller.assert_rejected([Command::Commit], RejectReason::Loaded);
+    controller.assert_rejected([UpdateCommand::Commit], RejectReason::Loaded);
     controller.loaded = false;
     // A tool that falls silent; a second tool that interferes.
     let _ = controller.send(commands[..20].to_vec());

@@ -8,8 +8,8 @@ use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Session, UpdateTransfer};
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{UpdateGuard, UpdateSession, UpdateTransfer};
 use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
@@ -56,10 +56,10 @@ fn capture() -> (BusCapture, Value) {
         let health: Health = estimate.health;
         // Diagnostic faults come one by one and go: single frames first, multi-packet lists later.
         match tick {
-            400 => faults.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
-            800 => faults.confirmed(FaultCode::Wear, FreezeFrame::at(8)),
-            1000 => faults.confirmed(FaultCode::CalibrationLost, FreezeFrame::at(10)),
-            1500 => faults.healed(FaultCode::Wear),
+            400 => faults.confirm(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
+            800 => faults.confirm(FaultCode::Wear, FreezeFrame::at(8)),
+            1000 => faults.confirm(FaultCode::CalibrationLost, FreezeFrame::at(10)),
+            1500 => faults.heal(FaultCode::Wear),
             _ => {}
         }
         for (at, pgn) in [(300, c::DM2.pgn), (1700, c::DM2.pgn), (350, Pgn::new(65253)), (360, c::DM1.pgn)] {
@@ -129,8 +129,8 @@ fn capture_update(capture: &mut BusCapture, node: &Node, begin: Micros) {
     let key = key();
     let record = record_of(&reference_calibration());
     let transfer = UpdateTransfer::new(&record, 1, key.key()).unwrap();
-    let mut session = Session::new();
-    let guard = Guard { loaded: false, keys: &key, counter: 0, machine: None };
+    let mut session = UpdateSession::new();
+    let guard = UpdateGuard { loaded: false, keys: &key, counter: 0, machine: None };
     let bytes = |first: (&str, &str), data: &[u8; 8]| {
         let mut signals = Map::new();
         signals.insert(first.0.to_owned(), json!(first.1));

@@ -8,7 +8,7 @@ use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Name, Node, Outputs, Pgn, Received};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::{Guard, Session, Todo, UpdateTransfer};
+use kou_app::update::{SessionAction, UpdateGuard, UpdateSession, UpdateTransfer};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Reason};
 use kou_tests::samples::SplitMix64;
@@ -99,7 +99,7 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
     let estimate = Estimate::invalid(Micros(0), Reason::NotLoaded);
     let mut faults = FaultMemory::new();
     let mut random = SplitMix64(1);
-    let mut session = Session::new();
+    let mut session = UpdateSession::new();
     let mut drive = DriveReadings::new(Some(DRIVE));
     let mut node = claimed(1000, &quiet(&estimate, &faults));
     let (mut replay, mut rejections, mut readings, mut lost, mut begun) = (0, 0_u32, 0_u32, 0_u32, 0_u32);
@@ -135,10 +135,10 @@ fn prop_a_million_hostile_frames_change_neither_flash_nor_calibration_nor_addres
                 }
                 None => {}
             }
-            begun += u32::from(outcome.answer.is_some() && outcome.refused.is_none());
-            rejections += u32::from(outcome.refused.is_some());
-            if let Some(why) = outcome.refused {
-                faults.happened(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
+            begun += u32::from(outcome.answer.is_some() && outcome.rejected.is_none());
+            rejections += u32::from(outcome.rejected.is_some());
+            if let Some(why) = outcome.rejected {
+                faults.record_event(FaultCode::UpdateRefused(why), FreezeFrame::at(0));
             }
         }
         session.poll(now);

@@ -6,7 +6,7 @@ mod meaning;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::diagnostics::{FaultCode, Dtc};
+use kou_app::diagnostics::{Dtc, FaultCode};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{Name, NameConfig};
 use kou_estimator::units::Micros;

@@ -70,8 +70,9 @@ fn a_changed_layout_is_detected() {
         life: OperatingCounters,
         more: u8,
     }
-    let known = compare("life", <Life as Record<'_>>::SCHEMA, &layout::of::<OperatingCounters>());
-    let changed = compare("life", <Life as Record<'_>>::SCHEMA, &layout::of::<WithMoreFields>());
+    let known =
+        compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &layout::of::<OperatingCounters>());
+    let changed = compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &layout::of::<WithMoreFields>());
     assert!(known.is_none() && changed.is_some_and(|text| text.contains("raise its SCHEMA")));
 }
 

@@ -126,7 +126,7 @@ fn select(
         Ok(None) => (known.unwrap_or(0), &[][..]),
         Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
         Err(error) => {
-            trouble = Some(match error {
+            fault = Some(match error {
                 StoreError::Schema { .. } | StoreError::Body(_) => FaultCode::CalibrationLost,
                 _ => FaultCode::StorageFailed,
             });
@@ -135,9 +135,9 @@ fn select(
     };
     let mut selected = None;
     if !record.is_empty() {
-        found = live(record, CalibrationSource::Stored, place);
-        if found.is_none() {
-            trouble = Some(FaultCode::CalibrationLost);
+        selected = live(record, CalibrationSource::Stored, slot);
+        if selected.is_none() {
+            fault = Some(FaultCode::CalibrationLost);
         }
     }
     if selected.is_none() {

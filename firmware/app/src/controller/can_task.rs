@@ -72,7 +72,7 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
     fn remember(&mut self, now: Micros, estimate: Option<&Estimate>, sample: Option<&Sample>) {
         let seconds = self.controller.operating_s(now);
         let snapshot = sample.map_or(FreezeFrame::at(seconds), |sample| FreezeFrame::of(seconds, sample));
-        let since = self.node.heard().unwrap_or(*self.started.get_or_insert(now));
+        let since = self.node.last_received().unwrap_or(*self.started.get_or_insert(now));
         let is_silent = now.0.saturating_sub(since.0) > SILENT.0;
         let is_lost = self.node.is_address_lost();
         let failed = &mut self.failed;
@@ -85,17 +85,17 @@ impl<'c, P: CanPort, M: RawMutex> CanInterface<'c, P, M> {
                     continue;
                 }
                 if let Some(fault) = *before {
-                    faults.healed(FaultCode::Sensor(channel, fault));
+                    faults.heal(FaultCode::Sensor(channel, fault));
                 }
                 if let Some(fault) = fault {
-                    faults.confirmed(FaultCode::Sensor(channel, fault), snapshot);
-                    *came = Some(FaultCode::Sensor(channel, fault));
+                    faults.confirm(FaultCode::Sensor(channel, fault), snapshot);
+                    *confirmed = Some(FaultCode::Sensor(channel, fault));
                 }
                 *before = fault;
             }
             if let Some(estimate) = estimate {
-                faults.follows(FaultCode::Wear, estimate.health.wear, snapshot);
-                faults.follows(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
+                faults.set_status(FaultCode::Wear, estimate.health.wear, snapshot);
+                faults.set_status(FaultCode::SensorSuspect, estimate.health.sensor, snapshot);
             }
             for (code, is_there) in [(FaultCode::BusSilent, is_silent), (FaultCode::AddressLost, is_lost)] {
                 if is_there {
@@ -240,7 +240,7 @@ mod tests {
         let mut bus = bus(&controller, usize::MAX);
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::failed(Micros(0), Fault::Open);
-        turn(&mut bus, 0, Some(&sample));
+        cycle(&mut bus, 0, Some(&sample));
         let code = FaultCode::Sensor(Channel::PumpSpeed, Fault::Open);
         assert!(controller.faults(|memory| memory.active().any(|entry| entry.code() == Some(code))));
         sample.pump_speed = Reading::new(Micros(0), kou_estimator::units::RevPerMin(1000.0));

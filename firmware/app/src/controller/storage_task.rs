@@ -27,8 +27,8 @@ use crate::diagnostics::crash_log;
 use crate::diagnostics::{CrashRecord, FaultCode, FaultMemory, ResetCause};
 use crate::log::{info, warning};
 use crate::outlined_await::await_outlined;
-use crate::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Record, StoreError};
-use crate::update::{Handled, KeySource, Service, is_loaded};
+use crate::storage::{CrashReport, HealthRecord, OperatingCounters, Record, RecordKind, StoreError};
+use crate::update::{CommandOutcome, KeySource, UpdateService, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
 const UNCALIBRATED_MIN_DIFFERENCE: Megapascal = Megapascal(2.0);
@@ -51,10 +51,10 @@ pub struct StorageTask<'d, F: NorFlash, K> {
     cause: ResetCause,
     /// Crash of the previous run, to be written.
     stop: Option<CrashReport>,
-    /// Hours and starts as they were at the start of this run.
-    life: OperatingCounters,
-    least_difference: Megapascal,
-    /// Level, its error and changes of learned health when it was last written.
+    /// Operating counters at the start of this run.
+    counters: OperatingCounters,
+    min_pressure_difference: Megapascal,
+    /// Level, standard error and number of changes of learned health when last written.
     written: Option<(u32, u32, u16)>,
     faults_changed: bool,
     missed: u32,
@@ -65,11 +65,11 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
     pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, start: StartReason) -> Self {
         Self {
             service,
-            schedule: Schedule::new(rates),
-            cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
-            stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
-            life: OperatingCounters::new(),
-            least_difference: UNCALIBRATED_LEAST,
+            schedule: WriteSchedule::new(rates),
+            cause: crash_log::reset_cause(start.cause, start.crash_record.as_ref()),
+            stop: start.crash_record.map(|crash| CrashReport { operating_s: 0, crash }),
+            counters: OperatingCounters::new(),
+            min_pressure_difference: UNCALIBRATED_MIN_DIFFERENCE,
             written: None,
             faults_changed: false,
             missed: 0,
@@ -220,7 +220,7 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
             controller.task_stats.read().iter().fold(0_u32, |sum, stats| sum.saturating_add(stats.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
-            controller.happened(FaultCode::Overrun);
+            controller.record_fault_event(FaultCode::Overrun);
         }
         self.missed = missed;
     }
@@ -252,10 +252,10 @@ fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16
 
 fn report_result<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
     match result {
-        Ok(()) => controller.healed(FaultCode::StorageFailed),
+        Ok(()) => controller.heal_fault(FaultCode::StorageFailed),
         Err(error) => {
-            warning!("the flash refuses: {}", error);
-            controller.confirmed(FaultCode::StorageFailed);
+            warning!("flash write failed: {}", error);
+            controller.confirm_fault(FaultCode::StorageFailed);
         }
     }
 }

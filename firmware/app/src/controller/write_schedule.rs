@@ -32,7 +32,7 @@ impl WriteScheduleConfig {
 pub enum WriteScheduleError {
     /// [`WriteScheduleConfig::health_s`] is not within 1 to 86 400 s.
     Health,
-    /// [`WriteScheduleConfig::life_s`] is not within 1 to 86 400 s.
+    /// [`WriteScheduleConfig::counters_s`] is not within 1 to 86 400 s.
     OperatingCounters,
     /// [`WriteScheduleConfig::fault_burst`] is 0, or [`WriteScheduleConfig::fault_refill_s`] not within 1 to 86 400 s.
     Faults,
@@ -59,7 +59,7 @@ impl WriteScheduleParams {
         if !is_span(config.health_s) {
             return Err(WriteScheduleError::Health);
         }
-        if !is_span(config.life_s) {
+        if !is_span(config.counters_s) {
             return Err(WriteScheduleError::OperatingCounters);
         }
         if config.fault_burst == 0 || !is_span(config.fault_refill_s) {
@@ -125,9 +125,9 @@ impl WriteSchedule {
             self.health_at_s = now_s;
             return DueWrite::Health;
         }
-        if since(self.life_at_s) >= self.params.life_s {
-            self.life_at_s = now_s;
-            return Due::OperatingCounters;
+        if since(self.counters_at_s) >= self.params.counters_s {
+            self.counters_at_s = now_s;
+            return DueWrite::OperatingCounters;
         }
         DueWrite::Nothing
     }
@@ -150,7 +150,7 @@ mod tests {
         let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
             (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
-            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
+            (WriteScheduleConfig { counters_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
             (WriteScheduleConfig { fault_burst: 0, ..good }, WriteScheduleError::Faults),
             (WriteScheduleConfig { fault_refill_s: 0, ..good }, WriteScheduleError::Faults),
         ] {
@@ -172,7 +172,10 @@ mod tests {
         let due: std::vec::Vec<DueWrite> =
             (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
         let count = |what| due.iter().filter(|one| **one == what).count();
-        assert_eq!((count(Due::OperatingCounters), count(Due::Health), count(Due::Faults)), (10, 5, 0));
+        assert_eq!(
+            (count(DueWrite::OperatingCounters), count(DueWrite::Health), count(DueWrite::Faults)),
+            (10, 5, 0)
+        );
     }
 
     #[test]

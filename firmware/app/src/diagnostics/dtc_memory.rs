@@ -146,8 +146,8 @@ impl DtcList {
     /// Lamp lit by the active faults.
     #[must_use]
     pub fn lamp(&self) -> Lamp {
-        let lit = |trouble: &Trouble| {
-            trouble.active && FaultCode::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+        let lit = |report: &DtcReport| {
+            report.active && FaultCode::from_dtc(report.dtc).map(FaultCode::lamp) == Some(Lamp::Amber)
         };
         if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
     }
@@ -156,7 +156,7 @@ impl DtcList {
 impl DtcEntry {
     /// Fault of the entry, if this version knows its code.
     #[must_use]
-    pub fn code(&self) -> Option<Code> {
+    pub fn code(&self) -> Option<FaultCode> {
         FaultCode::from_dtc(self.dtc)
     }
 
@@ -323,7 +323,7 @@ mod tests {
     use super::*;
     use crate::diagnostics::RejectReason;
 
-    fn sensor(fault: Fault) -> Code {
+    fn sensor(fault: Fault) -> FaultCode {
         FaultCode::Sensor(Channel::HighPressure, fault)
     }
 
@@ -334,14 +334,14 @@ mod tests {
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
         sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
-        memory.confirmed(code, FreezeFrame::of(100, &sample));
-        memory.confirmed(code, FreezeFrame::at(101));
+        memory.confirm(code, FreezeFrame::of(100, &sample));
+        memory.confirm(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, DtcStatus::Pending, FreezeFrame::at(150));
+        memory.set_status(code, DtcStatus::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, DtcStatus::Healed, FreezeFrame::at(200));
+        memory.set_status(code, DtcStatus::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
-        memory.confirmed(code, FreezeFrame::at(300));
+        memory.confirm(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();
         assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
@@ -354,31 +354,31 @@ mod tests {
     #[test]
     fn rejected_updates_cannot_displace_faults_of_the_machine() {
         let mut memory = FaultMemory::new();
-        memory.confirmed(sensor(Fault::Open), FreezeFrame::at(1));
-        memory.happened(FaultCode::Watchdog, FreezeFrame::at(2));
+        memory.confirm(sensor(Fault::Open), FreezeFrame::at(1));
+        memory.record_event(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
-            for refusal in RejectReason::ALL {
-                memory.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
+            for reason in RejectReason::ALL {
+                memory.record_event(FaultCode::UpdateRefused(reason), FreezeFrame::at(10 + round));
             }
         }
         assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
         assert_eq!(memory.entries().len(), CAPACITY);
-        // And what happens to the machine finds a place in the full memory.
-        memory.confirmed(FaultCode::Wear, FreezeFrame::at(50));
+        // A fault of the machine still finds room in the full memory.
+        memory.confirm(FaultCode::Wear, FreezeFrame::at(50));
         assert!(memory.get(FaultCode::Wear).is_some());
     }
 
     #[test]
     fn active_faults_are_never_displaced_and_others_are_counted() {
         let mut memory = FaultMemory::new();
-        let codes: std::vec::Vec<Code> = FaultCode::all().take(CAPACITY + 3).collect();
+        let codes: std::vec::Vec<FaultCode> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
-            memory.confirmed(*code, FreezeFrame::at(i as u32));
+            memory.confirm(*code, FreezeFrame::at(i as u32));
         }
         assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
         assert_eq!(memory.lost(), 3);
-        memory.healed(codes[4]);
-        memory.confirmed(codes[CAPACITY], FreezeFrame::at(99));
+        memory.heal(codes[4]);
+        memory.confirm(codes[CAPACITY], FreezeFrame::at(99));
         assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
         memory.clear_previous();
         assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
@@ -388,7 +388,7 @@ mod tests {
     fn occurrences_saturate_at_the_maximum_of_the_bus() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
-            memory.happened(FaultCode::Watchdog, FreezeFrame::at(i));
+            memory.record_event(FaultCode::Watchdog, FreezeFrame::at(i));
         }
         assert_eq!(memory.get(FaultCode::Watchdog).unwrap().occurrences, 126);
     }

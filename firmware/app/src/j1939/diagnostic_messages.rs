@@ -65,21 +65,27 @@ mod tests {
     #[test]
     fn lists_agree_with_the_standard_layout() {
         let mut memory = FaultMemory::new();
-        // No trouble: zeros in the place of one.
-        assert_eq!(list(&memory.troubles(), List::Active)[..], [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF]);
-        memory.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(1));
+        // No trouble code: zeros in its place.
+        assert_eq!(list(&memory.reports(), DtcListKind::Active)[..], [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF]);
+        memory.confirm(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(1));
         // SPN 1762 = 0x006E2, FMI 5, once.
-        assert_eq!(list(&memory.troubles(), List::Active)[..], [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0xFF, 0xFF]);
-        memory.confirmed(FaultCode::Wear, FreezeFrame::at(1));
+        assert_eq!(
+            list(&memory.reports(), DtcListKind::Active)[..],
+            [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0xFF, 0xFF]
+        );
+        memory.confirm(FaultCode::Wear, FreezeFrame::at(1));
         // SPN 520192 = 0x7F000: 7 in the three high bits of the FMI's byte.
         assert_eq!(
             list(&memory.reports(), DtcListKind::Active)[..],
             [4, 0xFF, 0xE2, 0x06, 0x05, 1, 0x00, 0xF0, 0xF0, 1]
         );
-        memory.healed(FaultCode::Wear);
-        assert_eq!(list(&memory.troubles(), List::Previous)[..], [4, 0xFF, 0x00, 0xF0, 0xF0, 1, 0xFF, 0xFF]);
+        memory.heal(FaultCode::Wear);
+        assert_eq!(
+            list(&memory.reports(), DtcListKind::Previous)[..],
+            [4, 0xFF, 0x00, 0xF0, 0xF0, 1, 0xFF, 0xFF]
+        );
         for code in FaultCode::all() {
-            memory.confirmed(code, FreezeFrame::at(2));
+            memory.confirm(code, FreezeFrame::at(2));
         }
         assert_eq!(list(&memory.reports(), DtcListKind::Active).len(), MAX_LEN);
     }

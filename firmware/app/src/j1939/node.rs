@@ -104,7 +104,7 @@ impl Node {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
+    /// Time of the last received frame; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
     pub fn last_received(&self) -> Option<Micros> {
         self.last_received

@@ -101,12 +101,12 @@ fn active_faults_are_sent_every_second_and_once_after_they_have_healed() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     let mut node = claimed(&outputs(&estimate, &faults));
-    faults.confirmed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck), FreezeFrame::at(1));
+    faults.confirm(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck), FreezeFrame::at(1));
     let frames = sent(&mut node, 1000, 5000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 4);
     assert_eq!(dm1[0].data(), [4, 0xFF, 191, 0, 7, 1, 0xFF, 0xFF]);
-    faults.healed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck));
+    faults.heal(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck));
     let frames = sent(&mut node, 5000, 9000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 1);
@@ -118,7 +118,7 @@ fn requests_are_answered_or_rejected() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     for code in FaultCode::all().take(5) {
-        faults.happened(code, FreezeFrame::at(1));
+        faults.record_event(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);
@@ -148,7 +148,7 @@ fn a_lost_address_is_no_longer_used() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     for code in FaultCode::all().take(5) {
-        faults.confirmed(code, FreezeFrame::at(1));
+        faults.confirm(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);

@@ -41,8 +41,14 @@ pub enum RecordKind {
 
 impl RecordKind {
     /// Every kind.
-    pub const ALL: [Self; 6] =
-        [Self::Calibration, Self::Health, Self::Faults, Self::OperatingCounters, Self::UpdateCounter, Self::Stop];
+    pub const ALL: [Self; 6] = [
+        Self::Calibration,
+        Self::Health,
+        Self::Faults,
+        Self::OperatingCounters,
+        Self::UpdateCounter,
+        Self::Stop,
+    ];
 
     /// Name printed by reports.
     #[must_use]

@@ -17,6 +17,6 @@ pub mod framing;
 pub mod records;
 pub mod store;
 
-pub use framing::{Kind, Record};
+pub use framing::{Record, RecordKind};
 pub use records::{CrashReport, HealthRecord, OperatingCounters, StoredCalibration, UpdateCounter};
-pub use store::{BUFFER_LEN, Healed, MIN_BYTES, RegionError, Store, StoreError};
+pub use store::{BUFFER_LEN, MIN_BYTES, RegionError, RepairReport, Store, StoreError};

@@ -101,7 +101,7 @@ impl OperatingCounters {
     pub fn count_start(&mut self, cause: ResetCause) {
         self.starts = self.starts.saturating_add(1);
         self.last_reset = cause;
-        if cause.trouble().is_some() {
+        if cause.fault_code().is_some() {
             self.unplanned_resets = self.unplanned_resets.saturating_add(1);
         }
     }
@@ -112,7 +112,7 @@ impl OperatingCounters {
     }
 }
 
-impl Record<'_> for Life {
-    const KIND: Kind = Kind::OperatingCounters;
+impl Record<'_> for OperatingCounters {
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 1;
 }

@@ -41,9 +41,9 @@ pub struct StartupCalibration {
     pub fault: Option<FaultCode>,
 }
 
-impl From<Outcome> for Handled {
-    fn from(outcome: Outcome) -> Self {
-        Self { answer: outcome.answer, trouble: outcome.refused.map(FaultCode::UpdateRefused), adopted: None }
+impl From<SessionOutcome> for CommandOutcome {
+    fn from(outcome: SessionOutcome) -> Self {
+        Self { answer: outcome.answer, fault: outcome.rejected.map(FaultCode::UpdateRefused), adopted: None }
     }
 }
 
@@ -161,13 +161,13 @@ impl<'d, F: NorFlash, K: KeySource> UpdateService<'d, F, K> {
         if handled.adopted.is_none() {
             // The content of the flash is unknown until the next start; no further update is accepted before.
             self.counter = u32::MAX;
-            handled.trouble = Some(FaultCode::UpdateRefused(RejectReason::Storage));
+            handled.fault = Some(FaultCode::UpdateRefused(RejectReason::Storage));
             return handled;
         }
         self.counter = counter;
         if self.store.write(&UpdateCounter { counter }).await.is_err() {
-            // The calibration's own counter holds; the next start tries again.
-            handled.trouble = Some(FaultCode::StorageFailed);
+            // The calibration's own counter is in force; the next start repeats the write.
+            handled.fault = Some(FaultCode::StorageFailed);
         }
         handled
     }

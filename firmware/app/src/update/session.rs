@@ -105,13 +105,13 @@ pub enum SessionAction {
 
 /// Outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Outcome {
-    /// To be sent back to this address.
-    pub answer: Option<(u8, Answer)>,
-    /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
-    pub refused: Option<RejectReason>,
-    /// To be done.
-    pub todo: Option<Todo>,
+pub struct SessionOutcome {
+    /// Answer and its destination address.
+    pub answer: Option<(u8, UpdateAnswer)>,
+    /// Rejection, to be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
+    pub rejected: Option<RejectReason>,
+    /// Action to be performed.
+    pub todo: Option<SessionAction>,
 }
 
 impl SessionOutcome {
@@ -119,8 +119,11 @@ impl SessionOutcome {
         Self { answer: Some((to, answer)), ..Self::default() }
     }
 
-    fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
-        Self { refused: Some(why), ..Self::answer(to, UpdateAnswer::Rejected { command, why, detail }) }
+    fn rejection(to: u8, command: u8, reason: RejectReason, detail: u32) -> Self {
+        Self {
+            rejected: Some(reason),
+            ..Self::answer(to, UpdateAnswer::Rejected { command, reason, detail })
+        }
     }
 
     fn todo(todo: SessionAction) -> Self {
@@ -218,21 +221,24 @@ impl UpdateSession {
             (UpdateCommand::Begin { length, counter }, _) => {
                 self.stage = begin(usize::from(length), counter, guard)?;
                 self.tool = tool;
-                Ok(Outcome::answer(tool, UpdateAnswer::Begun))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Begun))
             }
-            (Command::Data { number, bytes }, Stage::Receiving { length, counter, filled }) => {
-                let filled = self.take(usize::from(number), &bytes, length, filled)?;
-                self.stage = Stage::Receiving { length, counter, filled };
-                Ok(Outcome::answer(tool, UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) }))
+            (UpdateCommand::Data { number, bytes }, SessionState::Receiving { length, counter, filled }) => {
+                let filled = self.accept_segment(usize::from(number), &bytes, length, filled)?;
+                self.stage = SessionState::Receiving { length, counter, filled };
+                Ok(SessionOutcome::answer(
+                    tool,
+                    UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) },
+                ))
             }
             (UpdateCommand::Commit, SessionState::Receiving { length, counter, filled }) => {
                 self.check(length, counter, filled, guard)?;
                 self.stage = SessionState::Writing { length };
                 Ok(SessionOutcome::todo(SessionAction::Store { counter }))
             }
-            (Command::Abort, _) => {
-                self.stage = Stage::Idle;
-                Ok(Outcome::answer(tool, UpdateAnswer::Aborted))
+            (UpdateCommand::Abort, _) => {
+                self.stage = SessionState::Idle;
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Aborted))
             }
             (UpdateCommand::Read { what }, SessionState::Idle | SessionState::Reading { .. }) => {
                 let what = ReadTarget::from_number(what).ok_or(RejectReason::Unknown)?;
@@ -243,7 +249,7 @@ impl UpdateSession {
             (UpdateCommand::Next { number }, SessionState::Reading { length }) => {
                 let bytes = self.buffer.get(..length).unwrap_or_default();
                 let bytes = segment(bytes, number).ok_or(RejectReason::OutOfOrder)?;
-                Ok(Outcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
             }
             (UpdateCommand::Read { .. }, _) => Err(RejectReason::Busy),
             (UpdateCommand::Data { .. } | UpdateCommand::Commit | UpdateCommand::Next { .. }, _) => {
@@ -307,7 +313,7 @@ impl UpdateSession {
         }
         if is_written {
             info!("calibration {=u32:08x} accepted over CAN", crc);
-            Outcome::answer(self.tool, UpdateAnswer::Committed { crc })
+            SessionOutcome::answer(self.tool, UpdateAnswer::Committed { crc })
         } else {
             SessionOutcome::rejection(self.tool, 3, RejectReason::Storage, 0)
         }
@@ -324,7 +330,10 @@ impl UpdateSession {
         self.stage = SessionState::Reading { length };
         self.last = now;
         let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
-        Outcome::answer(self.tool, UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc })
+        SessionOutcome::answer(
+            self.tool,
+            UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc },
+        )
     }
 
     /// Ends a transfer after a timeout. To be called about every 100 ms.

@@ -216,7 +216,7 @@ fn largest_messages_fit_their_frames() {
     };
     let status =
         Status { uptime_us: u64::MAX, stack_high_water_bytes: full, calibration: Some(full), counts };
-    for response in [Response::CalibrationRejected(refusal), Response::Status(status)] {
+    for response in [Response::CalibrationRejected(rejection), Response::Status(status)] {
         encode::<{ MAX_RESPONSE_PAYLOAD + CRC_LEN }>(&response, &mut out).unwrap();
     }
     assert_eq!(counts.frames_rejected(), full, "the sum does not wrap");

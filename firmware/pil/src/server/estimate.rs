@@ -35,9 +35,9 @@ pub async fn run_estimate<M: RawMutex, B: Board>(channels: &ServerChannels<M>, b
                 log!(info, "calibration {=u32:08x} in use", crc);
                 Response::CalibrationAccepted { crc }
             }
-            Command::Refuse(refusal) => Response::CalibrationRejected(refusal),
-            Command::Sample(sample) => estimate(bus, active.as_mut(), &sample),
-            Command::Status => Response::Status(Status {
+            ServerCommand::Reject(rejection) => Response::CalibrationRejected(rejection),
+            ServerCommand::Sample(sample) => estimate(channels, active.as_mut(), &sample),
+            ServerCommand::Status => Response::Status(Status {
                 uptime_us: board.uptime_us(),
                 stack_high_water_bytes: board.stack_high_water_bytes(),
                 calibration: active.as_ref().map(|active| active.crc),

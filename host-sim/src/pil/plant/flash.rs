@@ -9,7 +9,9 @@ use std::task::{Context, Poll, Waker};
 
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::FaultMemory;
-use kou_app::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Store, StoredCalibration, UpdateCounter};
+use kou_app::storage::{
+    CrashReport, HealthRecord, OperatingCounters, RecordKind, Store, StoredCalibration, UpdateCounter,
+};
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};

@@ -2,7 +2,7 @@
 
 use kou_app::controller::NoEstimate;
 use kou_app::diagnostics::{FaultCode, FaultMemory};
-use kou_app::storage::Kind;
+use kou_app::storage::RecordKind;
 use kou_estimator::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
@@ -239,7 +239,8 @@ impl Outage {
         lost("hours invented", f64::from(lives[1].operating_s) > powered_s);
         lost(
             "a start not counted",
-            lives[1].starts != lives[0].starts + 1 || lives[1].unplanned_resets != lives[0].unplanned_resets + 1,
+            lives[1].starts != lives[0].starts + 1
+                || lives[1].unplanned_resets != lives[0].unplanned_resets + 1,
         );
         let none = FaultMemory::new();
         let (old, new) = (before.faults.as_ref().unwrap_or(&none), after.faults.as_ref().unwrap_or(&none));

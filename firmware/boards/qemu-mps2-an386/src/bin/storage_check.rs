@@ -8,7 +8,7 @@ use cortex_m_rt::entry;
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
-use kou_app::storage::{BUFFER_LEN, OperatingCounters, MIN_BYTES, Store, StoreError};
+use kou_app::storage::{BUFFER_LEN, MIN_BYTES, OperatingCounters, Store, StoreError};
 use kou_emulation::RamFlash;
 use kou_emulation::examples;
 use kou_emulation::ram_flash::Torn;
@@ -26,17 +26,17 @@ fn store(flash: SelfTestFlash) -> Store<SelfTestFlash> {
     }
 }
 
-fn life(seconds: u32) -> Life {
+fn life(seconds: u32) -> OperatingCounters {
     let mut life = OperatingCounters::new();
-    life.started(ResetCause::BrownOut);
-    life.ran(seconds);
+    life.count_start(ResetCause::BrownOut);
+    life.add_operating_time(seconds);
     life
 }
 
 fn faults(at: u32) -> FaultMemory {
     let mut memory = FaultMemory::new();
     for code in FaultCode::all().take(6) {
-        memory.confirmed(code, FreezeFrame::at(at));
+        memory.confirm(code, FreezeFrame::at(at));
     }
     memory
 }
@@ -58,7 +58,7 @@ fn cut_everywhere(
         let mut flash = cut_off.into_flash();
         flash.power_on();
         let mut after = store(flash);
-        assert!(block_on(after.heal(&mut [0; BUFFER_LEN])).is_ok());
+        assert!(block_on(after.repair(&mut [0; BUFFER_LEN])).is_ok());
         let found = block_on(after.read::<OperatingCounters>());
         assert!(matches!(found, Ok(Some(found)) if found == life(1) || found == life(2)));
         let found = block_on(after.read::<FaultMemory>());
