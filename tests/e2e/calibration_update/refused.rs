@@ -97,7 +97,7 @@ fn each_refusal_has_its_name_is_logged_and_changes_nothing() {
             Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: controller.session.record() };
                 let written = block_on(controller.store.write(&stored)).is_ok();
-                controller.session.stored(written).refused
+                controller.session.stored(written).rejected
             }
             _ => outcome.rejected,
         }

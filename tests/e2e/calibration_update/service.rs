@@ -69,7 +69,7 @@ fn the_service_adopts_an_update_and_gives_out_what_it_keeps() {
         UpdateAnswer::Rejected { reason: RejectReason::NothingStored, .. }
     ));
     let health = HealthRecord { calibration_crc: crc, state: HealthState::new() };
-    block_on(service.keep(&health)).unwrap();
+    block_on(service.write(&health)).unwrap();
     assert!(matches!(read(&mut service, 2), UpdateAnswer::ReadReady { what: 2, .. }));
     assert!(matches!(
         read(&mut service, 3),
