@@ -1,6 +1,6 @@
-//! Samples that visit every branch of the estimator: good ones all over the envelope, and every way to be bad.
+//! Samples that reach every branch of the estimator: good ones all over the envelope, and every kind of bad one.
 //!
-//! The stream is pseudo-random from a seed and nothing else, so that a failure can be repeated by its number.
+//! The stream is pseudo-random and depends on its seed only: a failure can be repeated by its number.
 
 use kou_estimator::health::HealthState;
 use kou_estimator::units::{Celsius, LitrePerMin, Megapascal, Micros, Ratio, RevPerMin};
@@ -8,13 +8,13 @@ use kou_estimator::{Fault, Reading, Sample, State, step};
 
 use crate::reference_params;
 
-/// SplitMix64 (Steele, Lea and Flood, 2014): small, and good enough to draw test cases.
+/// SplitMix64 generator (Steele, Lea and Flood, 2014), to draw test cases.
 #[derive(Debug, Clone)]
-pub struct Random(pub u64);
+pub struct SplitMix64(pub u64);
 
-impl Random {
+impl SplitMix64 {
     /// The next 64 bits.
-    pub fn bits(&mut self) -> u64 {
+    pub fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -24,21 +24,21 @@ impl Random {
 
     /// An index below `count`.
     pub fn below(&mut self, count: usize) -> usize {
-        usize::try_from(self.bits() % count as u64).unwrap_or(0)
+        usize::try_from(self.next_u64() % count as u64).unwrap_or(0)
     }
 
-    /// A number from `min` to `max`.
+    /// A uniform number from `min` to `max`.
     pub fn between(&mut self, min: f32, max: f32) -> f32 {
-        min + (max - min) * ((self.bits() >> 40) as f32 / (1u32 << 24) as f32)
+        min + (max - min) * ((self.next_u64() >> 40) as f32 / (1u32 << 24) as f32)
     }
 
-    /// True once in `of` times.
-    pub fn once_in(&mut self, of: usize) -> bool {
+    /// True with a probability of one in `of`.
+    pub fn one_in(&mut self, of: usize) -> bool {
         self.below(of) == 0
     }
 }
 
-/// Values that sensors should never give.
+/// Values that no sensor should give.
 const STRANGE: [f32; 14] = [
     f32::NAN,
     f32::INFINITY,
@@ -58,43 +58,43 @@ const STRANGE: [f32; 14] = [
 
 /// An endless stream of samples, 10 ms apart.
 #[derive(Debug, Clone)]
-pub struct Samples {
-    random: Random,
+pub struct HostileSamples {
+    random: SplitMix64,
     time_us: u64,
 }
 
-impl Samples {
-    /// The stream of this seed.
+impl HostileSamples {
+    /// The stream of a seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { random: Random(seed), time_us: 1_000_000 }
+        Self { random: SplitMix64(seed), time_us: 1_000_000 }
     }
 
     fn reading<U>(&mut self, good: U, make: impl Fn(f32) -> U) -> Reading<U> {
         let now = self.time_us;
         let random = &mut self.random;
-        if !random.once_in(24) {
-            return Reading::new(Micros(now.saturating_sub(random.bits() % 5_000)), good);
+        if !random.one_in(24) {
+            return Reading::new(Micros(now.saturating_sub(random.next_u64() % 5_000)), good);
         }
         match random.below(6) {
             0 => Reading::failed(Micros(now), Fault::ALL[random.below(Fault::ALL.len())]),
-            1 => Reading::new(Micros(now.saturating_sub(100_000 + random.bits() % 3)), good),
-            2 => Reading::new(Micros(now + 1 + random.bits() % 1000), good),
+            1 => Reading::new(Micros(now.saturating_sub(100_000 + random.next_u64() % 3)), good),
+            2 => Reading::new(Micros(now + 1 + random.next_u64() % 1000), good),
             3 => Reading::new(Micros(now), make(STRANGE[random.below(STRANGE.len())])),
             // Any bits at all: every NaN, every denormal.
-            4 => Reading::new(Micros(now), make(f32::from_bits(random.bits() as u32))),
-            _ => Reading::new(Micros(random.bits()), good),
+            4 => Reading::new(Micros(now), make(f32::from_bits(random.next_u64() as u32))),
+            _ => Reading::new(Micros(random.next_u64()), good),
         }
     }
 }
 
-impl Iterator for Samples {
+impl Iterator for HostileSamples {
     type Item = Sample;
 
     fn next(&mut self) -> Option<Sample> {
         self.time_us += 10_000;
-        if self.random.once_in(500) {
-            self.time_us = self.random.bits() >> self.random.below(64);
+        if self.random.one_in(500) {
+            self.time_us = self.random.next_u64() >> self.random.below(64);
         }
         let random = &mut self.random;
         let n_p = random.between(250.0, 2900.0);
@@ -106,10 +106,10 @@ impl Iterator for Samples {
         let p_h = random.between(4.0, 52.0);
         let p_l = random.between(0.8, 2.5);
         let t_b = random.between(20.0, 95.0);
-        // Leak-free loss of some 0.1 % per MPa, and now and then more or less than any leakage explains.
+        // Leak-free loss of some 0.1 % per MPa; sometimes more or less than any leakage explains.
         let loss = 0.001 * p_h + random.between(-0.01, 0.25) * p_h / n_p * 8.0;
         let n_m = n_p * alpha * (1.0 - loss);
-        let fitted = random.bits();
+        let fitted = random.next_u64();
         let flow = random.between(0.0, 900.0);
         let mut sample = Sample::empty(Micros(self.time_us));
         sample.pump_speed = self.reading(RevPerMin(n_p), RevPerMin);
@@ -129,7 +129,7 @@ impl Iterator for Samples {
     }
 }
 
-/// What has been learned by the reference calibration after some plateaus of driving that depend on the version.
+/// Health state learned with the reference calibration over plateaus of driving that depend on the version.
 #[must_use]
 pub fn learned(version: u32) -> HealthState {
     let params = reference_params();
@@ -143,8 +143,8 @@ pub fn learned(version: u32) -> HealthState {
         sample.motor_speed = Reading::new(time, RevPerMin(n_p * (0.93 - 0.002 * plateau)));
         sample.high_pressure = Reading::new(time, Megapascal(20.0 + plateau));
         sample.oil_temperature = Reading::new(time, Celsius(50.0 + plateau));
-        let judged = step(&params, &mut state, &sample).health;
-        assert!(judged.level.get() > 0.0, "a level is a positive ratio");
+        let health = step(&params, &mut state, &sample).health;
+        assert!(health.level.get() > 0.0, "a level is a positive ratio");
     }
     state.health().clone()
 }

@@ -108,10 +108,14 @@ fn regressed(params: &Params, at: ReadingValues) -> Vec<f64> {
     assert_eq!(state.health().last_change().map(|change| change.step), Some(true), "the leak must be found");
     let saved = serde_json::to_value(state.health()).unwrap();
     let sums = |name: &str| -> Vec<f64> {
-        let list = saved["judge"]["diagnosis"][name].as_array().unwrap();
+        let list = saved["diagnosis"]["regression"][name].as_array().unwrap();
         list.iter().map(|value| value.as_f64().unwrap()).collect()
     };
-    sums("with_deficit").iter().zip(sums("with_itself")).map(|(deficit, itself)| deficit / itself).collect()
+    sums("residual_products")
+        .iter()
+        .zip(sums("signature_products"))
+        .map(|(residual, itself)| residual / itself)
+        .collect()
 }
 
 #[test]

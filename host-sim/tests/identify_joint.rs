@@ -131,7 +131,7 @@ fn controller_states_the_same_standard_error_as_the_report() {
         }
     }
     let mut wrong = result.calibration.clone();
-    wrong.law.error_root.fourth[1] = f32::NAN;
+    wrong.law.covariance_factor.fourth[1] = f32::NAN;
     assert_eq!(Params::new(&wrong).unwrap_err().field, "law.error_root");
 }
 

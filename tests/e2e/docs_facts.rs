@@ -3,11 +3,14 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use host_sim::machine;
 use kou_app::diagnostics::FaultMemory;
+
+use kou_app::storage::{
+    CrashReport, HealthRecord, OperatingCounters, Record, StoredCalibration, UpdateCounter,
+};
+use kou_estimator::record::calibration;
+use kou_lumped::machine;
 use kou_pil::link;
-use kou_app::storage::{HealthRecord, OperatingCounters, Record, CrashReport, StoredCalibration, UpdateCounter};
-use kou_estimator::record;
 
 /// A document's text, each run of white space as one blank.
 fn prose(path: &str) -> String {
@@ -72,7 +75,7 @@ fn numbers_in_the_documents_are_those_of_the_code() {
         states("docs/link.md", "at most {} bytes", link::MAX_PAYLOAD),
         states("docs/link.md", "more bytes than the largest message and its CRC have ({})", link::MAX_BODY),
         states("docs/link.md", "protocol version ({})", link::PROTOCOL),
-        states("docs/calibration-record.md", "this version writes and reads {} ", record::calibration::SCHEMA),
+        states("docs/calibration-record.md", "this version writes and reads {} ", calibration::SCHEMA),
         states("docs/full-model/machine.md", "`schema = {}`", machine::SCHEMA),
         lists::<StoredCalibration<'_>>("calibration"),
         lists::<HealthRecord>("health"),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use host_sim::pil::{self, same_bits};
 use kou_estimator::units::Megapascal;
 use kou_estimator::{Estimate, Fault, Params, Reason, State, step};
-use kou_tests::samples::Samples;
+use kou_tests::samples::HostileSamples;
 use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
 
 const SAMPLES: usize = 200_000;
@@ -28,7 +28,7 @@ fn qemu_every_estimate_has_the_hosts_bits() {
     let mut seen: BTreeMap<String, u64> = BTreeMap::new();
     let mut mismatches = Vec::new();
     let record = record_of(&reference_calibration());
-    let samples = Samples::new(1).take(SAMPLES);
+    let samples = HostileSamples::new(1).take(SAMPLES);
     let report = set_up(pil::run(&pil_options(), &record, samples, |index, sample, target| {
         let host = step(&params, &mut state, sample);
         *seen.entry(name_of(&host)).or_default() += 1;
@@ -85,7 +85,7 @@ fn qemu_law_that_turns_negative_is_refused_with_the_hosts_bits() {
     let params = Params::new(&calibration).expect("a law may be negative somewhere");
     let mut state = State::new();
     let (mut negative, mut stops, mut mismatches) = (0, 0, 0);
-    let samples = Samples::new(2).take(5_000);
+    let samples = HostileSamples::new(2).take(5_000);
     set_up(pil::run(&pil_options(), &record_of(&calibration), samples, |_, sample, target| {
         let host = step(&params, &mut state, sample);
         negative += u32::from(host.expected == Err(Reason::LawNotPositive));
@@ -100,7 +100,7 @@ fn qemu_law_that_turns_negative_is_refused_with_the_hosts_bits() {
 fn qemu_two_runs_have_the_same_firmware_time() {
     let record = record_of(&reference_calibration());
     let run = || {
-        let samples = Samples::new(3).take(20_000);
+        let samples = HostileSamples::new(3).take(20_000);
         set_up(pil::run(&pil_options(), &record, samples, |_, _, _| {})).status
     };
     let (first, second) = (run(), run());

@@ -13,9 +13,9 @@ use host_sim::pil::{PilError, PilOptions};
 use kou_estimator::Calibration;
 use kou_estimator::calibration::SensorErrors;
 use kou_estimator::units::{Celsius, Ratio};
-use kou_records::calibration;
 use kou_lumped::machine::Machine;
 use kou_records::TomlFile;
+use kou_records::calibration;
 use kou_tests::{record_of, set_up};
 
 fn root() -> PathBuf {
@@ -38,7 +38,7 @@ const VEHICLE: SensorErrors = SensorErrors {
 /// The calibration, identified once for all tests.
 fn calibration() -> &'static Calibration {
     #[derive(Parser)]
-    struct Identify {
+    struct IdentifyCommand {
         #[command(flatten)]
         args: identify::Args,
     }
@@ -48,9 +48,9 @@ fn calibration() -> &'static Calibration {
         let out = folder.path().join("calibration.toml");
         let (bench, machine) =
             (root().join("tests/data/bench_45.csv"), root().join("host-sim/machines/reference.toml"));
-        let words = ["identify".into(), "--bench".into(), bench, "--machine".into(), machine];
-        let more = ["--model".into(), "full".into(), "--out".into(), out.clone()];
-        let line = Identify::parse_from(words.into_iter().chain(more).map(PathBuf::into_os_string));
+        let input = ["identify".into(), "--bench".into(), bench, "--machine".into(), machine];
+        let output = ["--model".into(), "full".into(), "--out".into(), out.clone()];
+        let line = IdentifyCommand::parse_from(input.into_iter().chain(output).map(PathBuf::into_os_string));
         identify::run(&line.args).expect("the shipped points are identified");
         let mut calibration = calibration::read_checked(&out).expect("what was written is read").0;
         calibration.sensor_errors = VEHICLE;
@@ -89,7 +89,7 @@ fn shipped(name: &str) -> LoopReport {
     // What was measured stays below what `cargo xtask budgets` proves, whose limit this is.
     assert!(report.stack_bytes <= stack_limit_bytes(), "{} bytes of stack", report.stack_bytes);
     // Counters are consistent: a turn of `sample` for each millisecond, one of `estimate` for ten, and so on.
-    let [sample, estimate, publish, store, supervise] = report.turns;
+    let [sample, estimate, publish, store, supervise] = report.cycles;
     assert_eq!([estimate, publish, store], [sample / 10, sample / 10, sample / 1000], "{report:?}");
     assert_eq!(supervise, sample / 50);
     // On the bus from its first turn, and never silent for longer than its slowest message and a lost address take.
@@ -160,8 +160,8 @@ fn qemu_loop_brown_out_in_the_middle_of_a_flash_write_loses_nothing() {
         // Hours are written every four seconds of this scenario, one record a second.
         assert!(outage.operating_s[1] + 10 >= outage.operating_s[0], "{outage:?}");
     }
-    let brown_outs = report.troubles.iter().find(|(name, _)| name == "BrownOut");
-    assert_eq!(brown_outs.map(|(_, count)| *count), Some(8), "{:?}", report.troubles);
+    let brown_outs = report.faults.iter().find(|(name, _)| name == "BrownOut");
+    assert_eq!(brown_outs.map(|(_, count)| *count), Some(8), "{:?}", report.faults);
 }
 
 #[test]
@@ -174,8 +174,8 @@ fn qemu_loop_calibration_update_is_guarded_and_goes_on_with_the_new_law() {
     // Written ten minutes after the first ones at the latest; here within the burst.
     for refusal in ["Loaded", "Mac", "WrongMachine", "OldCounter"] {
         let name = format!("UpdateRefused({refusal})");
-        let count = report.troubles.iter().find(|(trouble, _)| *trouble == name).map(|(_, count)| *count);
-        assert_eq!(count, Some(1), "{name}: {:?}", report.troubles);
+        let count = report.faults.iter().find(|(trouble, _)| *trouble == name).map(|(_, count)| *count);
+        assert_eq!(count, Some(1), "{name}: {:?}", report.faults);
     }
 }
 
@@ -213,23 +213,23 @@ fn long(minutes: u32) -> Scenario {
 
 fn long_drive(minutes: u32) {
     let report = drive(&long(minutes));
-    let [of_sample_us, ..] = report.longest_us;
+    let [of_sample_us, ..] = report.max_execution_us;
     println!(
         "{minutes} min at {:.2} times real time: {} outputs, {} valid; turns {:?}, {} missed, the latest by {} us, the longest of \
          `sample` {of_sample_us} us; stack {} bytes",
         report.real_time_factor,
         report.outputs,
         report.valid,
-        report.turns,
+        report.cycles,
         report.missed_deadlines,
-        report.latest_us,
+        report.max_jitter_us,
         report.stack_bytes
     );
     let broken: Vec<_> = report.findings.iter().filter(|finding| !finding.met).collect();
     assert!(broken.is_empty(), "{broken:#?}");
     assert_eq!(report.missed_deadlines, 0);
     // The figures are of the last whole second before the end; the firmware begins its first turn a millisecond in.
-    let [sample, ..] = report.turns;
+    let [sample, ..] = report.cycles;
     assert_eq!(sample, (60 * minutes - 1) * 1000 + 1);
 }
 

@@ -1,15 +1,15 @@
-//! The link to the firmware in QEMU: what is damaged is answered and never obeyed, what is refused is refused by name.
+//! The link to the firmware in QEMU: damaged frames are answered and never executed, rejections name their reason.
 
 use host_sim::pil::{LinkTransport, PilError, PilOptions, PilSession, frame, run, same_bits};
 use kou_estimator::record::RecordError;
 use kou_estimator::units::CubicCentimetre;
 use kou_estimator::{Params, State, step};
-use kou_pil::link::{ErrorKind, FieldProblem, FrameError, CalibrationRejection, Request, Response};
-use kou_tests::samples::{Random, Samples};
+use kou_pil::link::{CalibrationRejection, ErrorKind, FieldProblem, FrameError, Request, Response};
+use kou_tests::samples::{HostileSamples, SplitMix64};
 use kou_tests::{pil_options, record_of, reference_calibration, reference_params, set_up};
 
 /// A copy of `good` that is no frame any more; none of its bytes becomes or stops being the closing zero.
-fn damaged(good: &[u8], random: &mut Random) -> Vec<u8> {
+fn damaged(good: &[u8], random: &mut SplitMix64) -> Vec<u8> {
     let mut bad = good.to_vec();
     let inner = bad.len() - 1;
     match random.below(3) {
@@ -37,8 +37,8 @@ fn qemu_damaged_frames_are_answered_with_errors_and_never_obeyed() {
     let mut session = set_up(PilSession::start(&pil_options()));
     let record = record_of(&reference_calibration());
     let crc = set_up(session.load_calibration(&record));
-    let mut random = Random(7);
-    let mut samples = Samples::new(7);
+    let mut random = SplitMix64(7);
+    let mut samples = HostileSamples::new(7);
     let mut good_sent: u32 = 0;
     let mut answered_bad: u32 = 0;
     const ROUNDS: u32 = 3_000;
@@ -99,7 +99,7 @@ fn qemu_each_kind_of_bad_frame_has_its_own_error_and_counter() {
     }
     // A run of zeros is no frame and has no answer: the next answer belongs to the sample.
     session.send_raw(vec![0; 100]).expect("the firmware runs");
-    let sample = Samples::new(1).next().expect("endless");
+    let sample = HostileSamples::new(1).next().expect("endless");
     assert_eq!(set_up(session.request(&Request::Sample(sample))), Response::Error(ErrorKind::NoCalibration));
     let counts = set_up(session.status()).counts;
     let each = [
@@ -149,7 +149,7 @@ fn qemu_calibration_refused_names_the_field() {
     for (calibration, field, problem) in refusals {
         match session.load_calibration(&record_of(&calibration)) {
             Err(PilError::CalibrationRejected(refusal)) => {
-                assert_eq!(refusal, Refusal::Field { field: field.to_string(), problem });
+                assert_eq!(refusal, CalibrationRejection::Field { field: field.to_string(), problem });
             }
             other => panic!("{field}: {other:?}"),
         }
@@ -157,7 +157,9 @@ fn qemu_calibration_refused_names_the_field() {
     let mut record = record_of(&good);
     record[20] ^= 1;
     match session.load_calibration(&record) {
-        Err(PilError::CalibrationRejected(refusal)) => assert_eq!(refusal, Refusal::Record(RecordError::Crc)),
+        Err(PilError::CalibrationRejected(refusal)) => {
+            assert_eq!(refusal, CalibrationRejection::Record(RecordError::Crc))
+        }
         other => panic!("{other:?}"),
     }
     // The calibration before them is still in use.
@@ -171,9 +173,9 @@ fn qemu_a_new_calibration_takes_effect_between_two_samples_and_starts_the_state_
     let first = reference_calibration();
     let mut second = first.clone();
     second.law.c += 0.01;
-    let late = Samples::new(5).nth(100).expect("endless");
+    let late = HostileSamples::new(5).nth(100).expect("endless");
     // Earlier than the sample before it: time reversed, unless the state is new.
-    let early = Samples::new(5).next().expect("endless");
+    let early = HostileSamples::new(5).next().expect("endless");
     let sequence = [
         Request::LoadCalibration(&record_of(&first)),
         Request::Sample(late),
@@ -201,7 +203,7 @@ fn qemu_over_its_uart_gives_the_same_bits() {
     let mut state = State::new();
     let mut mismatches = 0;
     let record = record_of(&reference_calibration());
-    let report = set_up(run(&options, &record, Samples::new(9).take(300), |_, sample, target| {
+    let report = set_up(run(&options, &record, HostileSamples::new(9).take(300), |_, sample, target| {
         mismatches += u32::from(!same_bits(&step(&params, &mut state, sample), target));
     }));
     println!("{:.0} samples/s over the UART", report.samples_per_s);

@@ -1,4 +1,4 @@
-//! Running other programs: shown before they start, bounded in time where they could hang, errors that name them.
+//! Running other programs: the command line is printed first, the time is bounded where they could hang, errors name them.
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
@@ -9,19 +9,19 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-use crate::workspace::root;
+use crate::folders::root;
 
-/// A program to run, in the workspace's root unless told otherwise.
+/// A program to run, by default in the workspace's root.
 #[derive(Debug)]
-pub struct Run {
+pub struct CommandLine {
     command: Command,
     quiet: bool,
 }
 
-/// What a program that was watched has said.
+/// Exit status and output of a program.
 #[derive(Debug)]
-pub struct Output {
-    /// How it ended.
+pub struct CapturedOutput {
+    /// Its exit status.
     pub status: ExitStatus,
     /// Its standard output.
     pub stdout: String,
@@ -29,29 +29,29 @@ pub struct Output {
     pub stderr: String,
 }
 
-impl Run {
-    /// A build whose output is watched is given up after this.
-    pub const BUILD_LIMIT: Duration = Duration::from_secs(900);
+impl CommandLine {
+    /// Time-out of a build whose output is captured.
+    pub const BUILD_TIMEOUT: Duration = Duration::from_secs(900);
 
     /// A program with its first arguments.
-    pub fn new(program: impl AsRef<OsStr>, words: &[&str]) -> Self {
+    pub fn new(program: impl AsRef<OsStr>, args: &[&str]) -> Self {
         let mut command = Command::new(program);
-        command.args(words).current_dir(root()).stdin(Stdio::null());
+        command.args(args).current_dir(root()).stdin(Stdio::null());
         Self { command, quiet: false }
     }
 
     /// The cargo that runs xtask.
-    pub fn cargo(words: &[&str]) -> Self {
-        Self::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()), words)
+    pub fn cargo(args: &[&str]) -> Self {
+        Self::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()), args)
     }
 
     /// Further arguments.
-    pub fn args<S: AsRef<OsStr>>(mut self, words: impl IntoIterator<Item = S>) -> Self {
-        self.command.args(words);
+    pub fn args<S: AsRef<OsStr>>(mut self, args: impl IntoIterator<Item = S>) -> Self {
+        self.command.args(args);
         self
     }
 
-    /// Another working directory. Cargo takes the settings of `.cargo/config.toml` from there.
+    /// Another working directory. Cargo reads `.cargo/config.toml` there.
     pub fn dir(mut self, dir: &Path) -> Self {
         self.command.current_dir(dir);
         self
@@ -63,7 +63,7 @@ impl Run {
         self
     }
 
-    /// Does not show the command line.
+    /// Does not print the command line.
     pub fn quiet(mut self) -> Self {
         self.quiet = true;
         self
@@ -72,12 +72,12 @@ impl Run {
     /// The command line as a person would type it.
     pub fn line(&self) -> String {
         let program = Path::new(self.command.get_program()).file_name().unwrap_or_default();
-        let mut words = vec![program.to_string_lossy()];
-        words.extend(self.command.get_args().map(OsStr::to_string_lossy));
-        let words = words.join(" ");
+        let mut args = vec![program.to_string_lossy()];
+        args.extend(self.command.get_args().map(OsStr::to_string_lossy));
+        let args = args.join(" ");
         match self.command.get_current_dir().and_then(|dir| dir.strip_prefix(root()).ok()) {
-            Some(dir) if dir != Path::new("") => format!("(cd {}; {words})", dir.display()),
-            _ => words,
+            Some(dir) if dir != Path::new("") => format!("(cd {}; {args})", dir.display()),
+            _ => args,
         }
     }
 
@@ -89,18 +89,18 @@ impl Run {
         self.command.spawn().with_context(|| format!("starting `{program}`"))
     }
 
-    /// Runs it with our own output; true when it succeeded.
+    /// Runs it with inherited output; true when it succeeded.
     pub fn succeeds(mut self) -> Result<bool> {
         Ok(self.spawn()?.wait()?.success())
     }
 
-    /// Runs it with our own output and demands success.
+    /// Runs it with inherited output; an error unless it succeeds.
     pub fn check(mut self) -> Result<()> {
         let status = self.spawn()?.wait()?;
         if status.success() { Ok(()) } else { bail!("`{}` failed ({status})", self.line()) }
     }
 
-    /// Runs it, hands every line of its standard output to `each` as it comes, and returns how it ended.
+    /// Runs it, calls `each` with every line of its standard output as it comes, and returns the exit status.
     pub fn each_line(mut self, mut each: impl FnMut(&str)) -> Result<ExitStatus> {
         self.command.stdout(Stdio::piped());
         let mut child = self.spawn()?;
@@ -116,7 +116,7 @@ impl Run {
         Ok(child.wait()?)
     }
 
-    /// Runs it with our own standard error, demands success and returns its standard output.
+    /// Runs it with inherited standard error and returns its standard output; an error unless it succeeds.
     pub fn stdout(self) -> Result<String> {
         let line = self.line();
         let mut text = String::new();
@@ -130,8 +130,8 @@ impl Run {
         Ok(text)
     }
 
-    /// Runs it for at most `limit` and returns all that it said.
-    pub fn output_within(mut self, limit: Duration) -> Result<Output> {
+    /// Runs it for at most `timeout` and returns its output.
+    pub fn output_within(mut self, timeout: Duration) -> Result<CapturedOutput> {
         self.command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = self.spawn()?;
         let stdout = child.stdout.take().map(collect);
@@ -141,18 +141,18 @@ impl Run {
             if let Some(status) = child.try_wait()? {
                 break status;
             }
-            if started.elapsed() > limit {
+            if started.elapsed() > timeout {
                 child.kill()?;
                 child.wait()?;
-                bail!("`{}` did not end within {} s and was stopped", self.line(), limit.as_secs());
+                bail!("`{}` did not end within {} s and was stopped", self.line(), timeout.as_secs());
             }
             thread::sleep(Duration::from_millis(5));
         };
-        Ok(Output { status, stdout: text_of(stdout), stderr: text_of(stderr) })
+        Ok(CapturedOutput { status, stdout: text_of(stdout), stderr: text_of(stderr) })
     }
 }
 
-/// Reads a pipe to its end beside the program, which would otherwise block on a full pipe.
+/// Reads a pipe to its end in a thread of its own: the program would block on a full pipe.
 fn collect(mut pipe: impl Read + Send + 'static) -> thread::JoinHandle<Vec<u8>> {
     thread::spawn(move || {
         let mut bytes = Vec::new();

@@ -2,11 +2,12 @@
 
 use anyhow::{Result, ensure};
 
-use crate::host_sim::{HostSim, LOG, number, out_dir};
+use crate::folders::out_dir;
+use crate::host_sim::{HostSim, LOG, number};
 use crate::workspace::Workspace;
 use crate::{firmware, setup};
 
-/// Runs it and says in plain words what came out.
+/// Runs it and prints a summary.
 pub fn run() -> Result<()> {
     setup::run()?;
     let workspace = Workspace::load()?;
@@ -62,7 +63,7 @@ pub fn run() -> Result<()> {
         number(&host, "samples_per_s")?
     );
     println!(
-        "             mean Kou seen {:.5} (L/min)/MPa, error of the predicted ratio {:.2e} mean, {:.2e} worst",
+        "             mean Kou observed {:.5} (L/min)/MPa, error of the predicted ratio {:.2e} mean, {:.2e} worst",
         number(&host, "kou_mean")?,
         number(&host, "ratio_error_mean")?,
         number(&host, "ratio_error_max")?

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::command::Run;
-use crate::workspace::{Package, TARGET, Workspace, root};
+use crate::command::CommandLine;
+use crate::folders::root;
+use crate::workspace::{Package, TARGET, Workspace};
 
 /// Board whose firmware runs in QEMU.
 pub const QEMU_BOARD: &str = "kou-qemu-mps2-an386";
@@ -19,13 +20,13 @@ pub fn checks_dir() -> PathBuf {
 }
 
 /// A cargo command on a board, in the board's folder, where its settings are.
-pub fn on_board(board: &Package, words: &[&str]) -> Run {
-    Run::cargo(words).dir(&board.folder)
+pub fn on_board(board: &Package, args: &[&str]) -> CommandLine {
+    CommandLine::cargo(args).dir(&board.folder)
 }
 
 /// A cargo command with the firmware's settings on crates that are not boards.
-pub fn on_target(words: &[&str]) -> Run {
-    Run::cargo(words).dir(&checks_dir())
+pub fn on_target(args: &[&str]) -> CommandLine {
+    CommandLine::cargo(args).dir(&checks_dir())
 }
 
 /// The firmware that runs in QEMU, in release; returns the ELF.

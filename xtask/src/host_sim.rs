@@ -1,18 +1,18 @@
-//! Calling `host-sim` on the shipped data, and reading what it says.
+//! Calls of `host-sim` on the shipped data, and their reports.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-use crate::command::Run;
-use crate::workspace::{Workspace, root};
+use crate::command::CommandLine;
+use crate::workspace::Workspace;
 
-/// Bench points that are shipped.
+/// Shipped bench points.
 const BENCH: &str = "tests/data/bench_45.csv";
-/// Drive log that is shipped.
+/// Shipped drive log.
 pub const LOG: &str = "tests/data/drive.csv";
-/// Machine that both are of.
+/// Machine of both.
 const MACHINE: &str = "host-sim/machines/reference.toml";
 
 /// The built program.
@@ -22,29 +22,28 @@ pub struct HostSim {
 }
 
 impl HostSim {
-    /// Builds it optimised: for people.
+    /// Builds it optimised, as users do.
     pub fn release(workspace: &Workspace) -> Result<Self> {
-        Run::cargo(&["build", "--release", "-p", "host-sim"]).check()?;
+        CommandLine::cargo(&["build", "--release", "-p", "host-sim"]).check()?;
         Ok(Self { program: workspace.target_dir.join("release/host-sim") })
     }
 
-    /// Builds it as the tests do, so that a test run compiles nothing more.
+    /// Builds it with the tests' profile, so that a test run compiles nothing more.
     pub fn as_tested(workspace: &Workspace) -> Result<Self> {
-        Run::cargo(&["build", "--bin", "host-sim"]).args(workspace.host_selection()).check()?;
+        CommandLine::cargo(&["build", "--bin", "host-sim"]).args(workspace.host_selection()).check()?;
         Ok(Self { program: workspace.target_dir.join("debug/host-sim") })
     }
 
     /// Identifies a calibration from the shipped bench points.
     pub fn identify(&self, calibration: &Path) -> Result<Value> {
-        let words =
-            ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "full", "--json", "--out"];
-        self.json(&words, [calibration])
+        let args = ["identify", "--bench", BENCH, "--machine", MACHINE, "--model", "full", "--json", "--out"];
+        self.json(&args, [calibration])
     }
 
-    /// Writes the report on the shipped bench points; it says nothing but where.
+    /// Writes the report on the shipped bench points.
     pub fn report(&self, page: &Path) -> Result<()> {
-        let words = ["report", "--bench", BENCH, "--machine", MACHINE, "--out"];
-        Run::new(&self.program, &words).args([page]).check()
+        let args = ["report", "--bench", BENCH, "--machine", MACHINE, "--out"];
+        CommandLine::new(&self.program, &args).args([page]).check()
     }
 
     /// Compares the estimator with the full model over the envelope.
@@ -55,8 +54,8 @@ impl HostSim {
     /// Replays the shipped log on the host.
     pub fn replay(&self, calibration: &Path, estimates: &Path, plot: &Path) -> Result<Value> {
         let (out, picture) = (Path::new("--out"), Path::new("--plot"));
-        let words = ["replay", "--log", LOG, "--json", "--calibration"];
-        self.json(&words, [calibration, out, estimates, picture, plot])
+        let args = ["replay", "--log", LOG, "--json", "--calibration"];
+        self.json(&args, [calibration, out, estimates, picture, plot])
     }
 
     /// Replays the shipped log through the firmware in QEMU and compares with the host.
@@ -64,8 +63,8 @@ impl HostSim {
         self.json(&["pil", "--log", LOG, "--json", "--calibration"], [calibration])
     }
 
-    fn json<'a>(&self, words: &[&str], paths: impl IntoIterator<Item = &'a Path>) -> Result<Value> {
-        let run = Run::new(&self.program, words).args(paths);
+    fn json<'a>(&self, args: &[&str], paths: impl IntoIterator<Item = &'a Path>) -> Result<Value> {
+        let run = CommandLine::new(&self.program, args).args(paths);
         let line = run.line();
         let mut text = String::new();
         let status = run.each_line(|line| {
@@ -76,7 +75,7 @@ impl HostSim {
         match status.code() {
             Some(0) => {}
             Some(1) => bail!("a check of `{line}` failed. It reported:\n{text}"),
-            _ => bail!("`{line}` failed ({status}); its own message stands above"),
+            _ => bail!("`{line}` failed ({status}); its own message is above"),
         }
         serde_json::from_str(&text)
             .with_context(|| format!("`{line}` did not print one JSON object:\n{text}"))
@@ -86,12 +85,4 @@ impl HostSim {
 /// A number of a report.
 pub fn number(report: &Value, key: &str) -> Result<f64> {
     report[key].as_f64().with_context(|| format!("host-sim's report has no number `{key}`: {report}"))
-}
-
-/// A folder for results, below `out/`.
-pub fn out_dir(name: &str) -> Result<PathBuf> {
-    let folder = Path::new("out").join(name);
-    let full = root().join(&folder);
-    std::fs::create_dir_all(&full).with_context(|| format!("creating {}", full.display()))?;
-    Ok(folder)
 }

@@ -7,6 +7,7 @@ mod budgets;
 mod command;
 mod demo;
 mod firmware;
+mod folders;
 mod host_sim;
 mod panic_path;
 mod setup;
@@ -29,13 +30,14 @@ Usage: cargo xtask <command>
   budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
   arrows           forbidden dependencies between crates and modules (xtask/arrows.toml), and circles of imports
   docs             links, paths, commands and names in README.md and docs/ against the sources
+  names            type names that stand more than once, and args for which there is a standard term (xtask/names.toml)
   stacks           which functions take the deepest stack: of the estimator, and of the vehicle's firmware by executor
   help             this text";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    match run(&words) {
+    let args: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match run(&args) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -44,8 +46,8 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(words: &[&str]) -> Result<ExitCode> {
-    match words {
+fn run(args: &[&str]) -> Result<ExitCode> {
+    match args {
         ["setup"] => setup::run()?,
         ["demo"] => demo::run()?,
         ["test"] => return test::run(),
@@ -53,6 +55,7 @@ fn run(words: &[&str]) -> Result<ExitCode> {
         ["budgets", "--json"] => return budgets::run(true),
         ["arrows"] => source_check::arrows(&Workspace::load()?)?,
         ["docs"] => source_check::docs(&Workspace::load()?)?,
+        ["names"] => source_check::names(&Workspace::load()?)?,
         ["stacks"] => budgets::stacks()?,
         [] | ["help" | "--help" | "-h"] => println!("{USAGE}"),
         other => bail!("`{}` is not a command of xtask\n\n{USAGE}", other.join(" ")),

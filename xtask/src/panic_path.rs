@@ -1,15 +1,15 @@
-//! The estimator linked alone with a panic handler that does not exist: linking proves that nothing can panic.
+//! Proof that the estimator cannot panic: it is linked alone with a panic handler that does not exist.
 
 use anyhow::{Result, ensure};
 
-use crate::command::Run;
+use crate::command::CommandLine;
 use crate::firmware::on_target;
 
 const CHECK: &str = "kou-check-panic-never";
-/// What the missing handler is called; the linker says it.
-const EVIDENCE: &str = "panicking branch";
+/// Name of the missing handler, in the linker's error.
+const MISSING_HANDLER: &str = "panicking branch";
 
-/// Links it; fails if a panic path survives.
+/// Links the estimator; fails if a panic path is left.
 pub fn absent() -> Result<()> {
     ensure!(
         on_target(&["build", "--release", "-p", CHECK]).succeeds()?,
@@ -19,16 +19,16 @@ pub fn absent() -> Result<()> {
     Ok(())
 }
 
-/// Links it with a panic path added; fails if that is not noticed.
-pub fn would_be_noticed() -> Result<()> {
-    let words = ["build", "--release", "-p", CHECK, "--features", "deliberate-panic"];
-    let output = on_target(&words).output_within(Run::BUILD_LIMIT)?;
+/// Links it with a panic path added; fails if that links.
+pub fn would_be_detected() -> Result<()> {
+    let args = ["build", "--release", "-p", CHECK, "--features", "deliberate-panic"];
+    let output = on_target(&args).output_within(CommandLine::BUILD_TIMEOUT)?;
     ensure!(
         !output.status.success(),
         "a deliberate panic path was linked: the panic-path check proves nothing"
     );
     ensure!(
-        output.stderr.contains(EVIDENCE),
+        output.stderr.contains(MISSING_HANDLER),
         "the build with a deliberate panic path failed, but not because of that path:\n{}",
         output.stderr
     );

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use crate::command::Run;
+use crate::command::CommandLine;
 use crate::workspace::Workspace;
 
 /// Package and program.
@@ -18,7 +18,12 @@ pub fn docs(workspace: &Workspace) -> Result<()> {
     run(workspace, "docs")
 }
 
+/// Type names that stand more than once, and words for which there is a standard term.
+pub fn names(workspace: &Workspace) -> Result<()> {
+    run(workspace, "names")
+}
+
 fn run(workspace: &Workspace, check: &str) -> Result<()> {
-    Run::cargo(&["build", "--quiet", "--bin", PROGRAM]).args(workspace.host_selection()).check()?;
-    Run::new(workspace.target_dir.join("debug").join(PROGRAM), &[check]).check()
+    CommandLine::cargo(&["build", "--quiet", "--bin", PROGRAM]).args(workspace.host_selection()).check()?;
+    CommandLine::new(workspace.target_dir.join("debug").join(PROGRAM), &[check]).check()
 }

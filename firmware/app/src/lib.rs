@@ -1,24 +1,40 @@
-//! The firmware of the leakage estimator, without a board: link, tasks and what they share.
+//! Leakage estimator as the application of a vehicle's controller.
 //!
-//! Everything here is written over HAL traits (`embedded-io-async` and the [`tasks::Board`] trait), so a board crate
-//! adds pins, clocks, a time driver and an executor, and nothing else. The crate has no heap, no unsafe code and no
-//! panic path of its own; it also compiles on the host, where the PC tool speaks the same [`link`] and where the tasks
-//! are tested.
+//! The crate reads the sensors of a hydrostatic drive, runs the estimator ([`kou_estimator`]) every 10 ms, publishes
+//! leakage and wear on the CAN bus (SAE J1939), accepts new calibrations over the same bus, and stores in flash what
+//! must survive a power cut. It contains no board code: hardware is reached through traits (`embedded-hal-async`,
+//! `embedded-storage-async`, and those of [`controller`]), so a board crate only adds pins, clocks, drivers, a time
+//! driver and an executor. The same code runs on the host, where tests move its clock. The crate has no heap, no
+//! unsafe code and no panic path of its own.
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`callers`] | who called, from what lies on the stack |
-//! | [`controller`] | the tasks of the vehicle's controller: sample, estimate, publish, store, supervise |
-//! | [`faults`] | troubles: their codes, and the memory that keeps them |
-//! | [`j1939`] | the controller on the CAN bus |
-//! | [`link`] | messages between host and firmware and their frames |
-//! | [`rig`] | exchange between an emulated controller and its emulated surroundings |
-//! | [`sensors`] | conversions and edges into readings, with every failure named |
-//! | [`storage`] | records in flash |
-//! | [`tasks`] | the asynchronous tasks and the channels between them |
-//! | [`update`] | calibration update over CAN |
+//! | [`sensors`] | conversions and edges to readings, each with a value or a fault |
+//! | [`controller`] | the tasks: sample, estimate, publish, storage, supervise |
+//! | [`j1939`] | the controller as a node on the CAN bus |
+//! | [`diagnostics`] | trouble codes, fault memory, crash records, reset causes |
+//! | [`calibration`] | calibration in use: selection at start, identity |
+//! | [`update`] | calibration update: protocol, authentication, checks |
+//! | [`storage`] | records in flash, each in two copies |
 //!
-//! `docs/firmware.md` draws the tasks and the flow of data, `docs/link.md` describes the link byte by byte.
+//! Dependencies point one way: `controller` uses every other module; `update` and `calibration` use `storage` and
+//! `diagnostics`; only `j1939` and the CAN task of `controller` know CAN frames.
+//!
+//! Readings of the reference wiring, from an input that no converter serves yet:
+//!
+//! ```
+//! use kou_app::sensors::{SensorInputs, SensorsParams, SensorsState, wiring};
+//! use kou_estimator::units::Micros;
+//! use kou_estimator::{Fault, Reading};
+//!
+//! let params = SensorsParams::new(&wiring::REFERENCE).unwrap();
+//! let mut sensors = SensorsState::new();
+//! sensors.observe(&params, Micros(1000), &SensorInputs::new());
+//! let sample = sensors.sample(&params, &Reading::not_fitted());
+//! assert_eq!(sample.high_pressure.value, Err(Fault::Missing));
+//! ```
+//!
+//! `docs/firmware.md` draws the tasks and the flow of data.
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

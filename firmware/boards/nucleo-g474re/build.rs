@@ -1,8 +1,8 @@
-//! Tells the linker this board's memory map.
+//! Supplies this board's memory map to the linker.
 //!
-//! cortex-m-rt's script includes `memory.x`, and linkers look for it in the working directory first, which is the
-//! workspace's root, where the map of another board stands. So the script is taken from where cortex-m-rt's build put it,
-//! and made to include this board's map by its own name.
+//! cortex-m-rt's script includes `memory.x`, and linkers search the working directory first, which is the workspace's
+//! root with the map of another board. The script is therefore copied from the output of cortex-m-rt's build, and
+//! changed to include this board's map by its own name.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -30,8 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The newest `link.x` that a build of cortex-m-rt for a device left beside this build's own folder. Its build script has
-/// run before this one, because it declares `links`.
+/// Newest `link.x` that a build of cortex-m-rt for a device left next to this build's own folder. Its build script
+/// has run before this one, because it declares `links`.
 fn runtime_script(out: &Path) -> Result<String, Box<dyn Error>> {
     let builds = out.ancestors().nth(2).ok_or("OUT_DIR is not below a folder of builds")?;
     let mut newest: Option<(SystemTime, String)> = None;
@@ -43,7 +43,7 @@ fn runtime_script(out: &Path) -> Result<String, Box<dyn Error>> {
         }
         let script = fs::read_to_string(&path)?;
         let at = fs::metadata(&path)?.modified()?;
-        // Binaries without a device have a script of their own, which lacks the interrupts' names.
+        // Binaries without a device have a different script, which lacks the interrupts' names.
         if script.contains("INCLUDE device.x") && newest.as_ref().is_none_or(|(newest, _)| at > *newest) {
             newest = Some((at, script));
         }

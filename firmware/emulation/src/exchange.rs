@@ -1,68 +1,68 @@
-//! Handover between an emulated controller and the host that emulates what is around it, once every millisecond.
+//! Messages between an emulated controller and the host that emulates its hardware.
 //!
-//! The firmware says what it wants of its hardware (SPI bytes to clock out) and what it tells; the host answers with the
-//! bytes clocked in and the edges of the pickups. Besides, at any time, the flash: each operation is a message and its
-//! answer, so that what was written outlasts a reset of the controller, and a supply that fails in the middle of it can be
-//! emulated. One exchange is two messages in postcard's format, each behind its length in two bytes, little-endian. No board
-//! on a vehicle uses it.
+//! Once per millisecond the firmware sends the bytes for its SPI bus, its outputs and its CAN frames; the host
+//! replies with the bytes clocked in, the edges of the pickups and received frames. In addition, at any time, each
+//! flash operation is a message with its answer, so that the flash content survives a reset of the controller and the
+//! host can emulate a power failure in the middle of an operation. Every message is in postcard's format behind its
+//! length in two bytes, little-endian.
 
 use heapless::Vec;
 use kou_app::controller::{NoEstimate, TaskStatsSnapshot};
-use kou_app::diagnostics::{Note, ResetCause};
+use kou_app::diagnostics::{CrashRecord, ResetCause};
 use kou_app::sensors::pickup::MAX_EDGES;
 use kou_app::sensors::set::CHANNELS;
 use kou_estimator::{Estimate, Sample};
 use serde::{Deserialize, Serialize};
 
-/// Bytes before a message: its length.
+/// Bytes of the length before a message.
 pub const HEAD: usize = 2;
-/// Longest message of either side, with its length.
+/// Longest message in either direction, including its length.
 pub const MAX_LEN: usize = 1024;
-/// Frames of either direction in a millisecond: at 250 kbit/s a bus carries some two.
+/// CAN frames per millisecond in either direction: at 250 kbit/s a bus carries about two.
 pub const MAX_CAN: usize = 8;
 
-/// A CAN frame: identifier of 29 bits and data.
+/// CAN frame: 29-bit identifier and data.
 pub type CanFrame = (u32, Vec<u8, 8>);
 
-/// Bytes of the emulated flash.
+/// Size of the emulated flash in bytes.
 pub const FLASH_LEN: usize = 32 * 1024;
-/// Bytes of its pages: those of an STM32G474 with two banks.
+/// Page size in bytes: that of an STM32G474 with two banks.
 pub const FLASH_PAGE: usize = 2048;
-/// Bytes that one operation reads or writes at most.
+/// Most bytes per read or write operation.
 pub const FLASH_CHUNK: usize = 256;
 
-/// How the controller begins: the first message, from the host.
+/// First message, from the host: initial conditions of the controller.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Begin<'a> {
-    /// Record of the default calibration, as production would write it; empty for none.
+pub struct EmulationStart<'a> {
+    /// Record of the default calibration, as written by production; empty for none.
     #[serde(borrow)]
     pub default: &'a [u8],
-    /// The controller's key, as production would write it.
+    /// The controller's key, as written by production.
     pub key: Option<[u8; 32]>,
-    /// Why it starts, as its hardware would tell.
+    /// Reset cause reported by the hardware.
     pub cause: ResetCause,
-    /// What an earlier run left in memory that start-up leaves alone.
-    pub note: Option<Note>,
-    /// Time between two writes of learned health and of the hours, s: scenarios are shorter than drives.
-    pub keep_s: u32,
+    /// Crash record left by an earlier run.
+    pub crash_record: Option<CrashRecord>,
+    /// Time between two writes of learned health and of the operating counters, s: scenarios are shorter than drives.
+    pub write_period_s: u32,
 }
 
-/// An operation of the flash.
+/// Operation of the flash.
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FlashWork {
-    /// Reads bytes, [`FLASH_CHUNK`] at most.
+    /// Reads at most [`FLASH_CHUNK`] bytes.
     Read {
         /// First byte.
         offset: u32,
-        /// How many.
+        /// Number of bytes.
         length: u16,
     },
     /// Programs whole words.
     Write {
         /// First byte.
         offset: u32,
-        /// What.
+        /// Data.
         bytes: Vec<u8, FLASH_CHUNK>,
     },
     /// Erases whole pages.
@@ -74,76 +74,76 @@ pub enum FlashWork {
     },
 }
 
-/// What came of it: bytes that were read, or nothing where the flash refused.
+/// Result of a flash operation: the bytes read, or `None` when the flash failed.
 pub type FlashDone = Option<Vec<u8, FLASH_CHUNK>>;
 
-/// A message from the firmware.
+/// Message from the firmware.
 // One at a time: boxes are neither possible nor useful.
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum FirmwareMessage {
-    /// A millisecond begins; the answer is [`TickReply`].
+    /// Start of a millisecond; the reply is [`TickReply`].
     Tick(TickReport),
-    /// The flash is to do something; the answer is [`FlashDone`].
+    /// Flash operation; the reply is [`FlashDone`].
     Flash {
-        /// Number of the record kind that is being written, for the host to aim at; nothing while records are read.
+        /// Number of the record kind that is being written, as a target for the host's faults; `None` during reads.
         of: Option<u8>,
-        /// What.
+        /// Operation.
         work: FlashWork,
     },
 }
 
-/// From the firmware, at the beginning of each millisecond.
-// A message of the emulation, one at a time: boxes are neither possible nor useful.
+/// Report of the firmware at the start of each millisecond.
+// One at a time: boxes are neither possible nor useful.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TickReport {
-    /// Number of this millisecond.
+    /// Number of the millisecond.
     pub tick: u32,
     /// Bytes that the converter's driver clocks out, one transaction for each fitted channel.
     pub spi: Vec<[u8; 3], CHANNELS>,
-    /// What is told of leakage, every tenth time.
+    /// Published estimate, in every tenth report.
     pub output: Option<Result<Estimate, NoEstimate>>,
-    /// The sample that the estimate was made of, every tenth time.
+    /// Sample that the estimate was computed from, in every tenth report.
     pub sample: Option<Sample>,
-    /// How the tasks are doing, every thousandth time: sample, estimate, publish, store, supervise.
-    pub vitals: Option<[TaskStatsSnapshot; 5]>,
-    /// Deepest stack, with the vitals.
+    /// Timing statistics, in every thousandth report: sample, estimate, publish, storage, supervise.
+    pub task_stats: Option<[TaskStatsSnapshot; 5]>,
+    /// Deepest stack since start in bytes, with the statistics.
     pub stack_bytes: u32,
-    /// Turns in which the watchdog was fed.
+    /// Number of times that the watchdog was fed.
     pub fed: u32,
     /// Number of the record kind that is being written to flash.
     pub writing: Option<u8>,
-    /// Frames that were sent on the CAN bus.
+    /// Frames sent on the CAN bus.
     pub can: Vec<CanFrame, MAX_CAN>,
 }
 
-/// What the host may ask for besides.
+/// Control of the run by the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Order {
-    /// Go on.
+    /// Continue.
     Run,
     /// End the emulation.
     Stop,
 }
 
-/// From the host.
+/// Reply of the host to a [`TickReport`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TickReply {
     /// Bytes clocked in, for each of [`TickReport::spi`].
     pub spi: Vec<[u8; 3], CHANNELS>,
-    /// The stamping timer's count.
+    /// Count of the stamping timer.
     pub count: u32,
-    /// Stamps of the pump's edges.
+    /// Time stamps of the pump's edges.
     pub pump: Vec<u32, MAX_EDGES>,
-    /// Stamps of the motor's edges.
+    /// Time stamps of the motor's edges.
     pub motor: Vec<u32, MAX_EDGES>,
-    /// Frames that came on the CAN bus.
+    /// Frames received from the CAN bus.
     pub can: Vec<CanFrame, MAX_CAN>,
-    /// What to do.
+    /// Control of the run.
     pub order: Order,
 }
 
-/// Puts a message behind its length into `buffer`; the bytes to send, or nothing where it does not fit.
+/// Encodes a message with its length into `buffer`; returns the bytes to send, or `None` when it does not fit.
 pub fn pack<'a>(message: &impl Serialize, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let (head, body) = buffer.split_first_chunk_mut::<HEAD>()?;
     let length = postcard::to_slice(message, body).ok()?.len();
@@ -151,7 +151,7 @@ pub fn pack<'a>(message: &impl Serialize, buffer: &'a mut [u8]) -> Option<&'a [u
     buffer.get(..HEAD.checked_add(length)?)
 }
 
-/// The message in `bytes`, when all of it is there; the number of bytes that it takes besides.
+/// Decodes a complete message at the start of `bytes`; also returns the number of bytes used.
 pub fn unpack<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Option<(T, usize)> {
     let (head, rest) = bytes.split_first_chunk::<HEAD>()?;
     let length = usize::from(u16::from_le_bytes(*head));

@@ -1,8 +1,8 @@
-//! Production page of a controller: the writer of what [`kou_app::update::provision`] reads.
+//! Writer of the controller's production page, which [`kou_app::update::provision`] reads.
 
 use kou_app::update::provision::{KEY_LEN, LEN};
 
-/// Makes a page; nothing where the calibration's record does not fit.
+/// Builds a page; `None` when the calibration's record does not fit.
 #[must_use]
 pub fn page(key: Option<&[u8; KEY_LEN]>, calibration: Option<&[u8]>) -> Option<[u8; LEN]> {
     let mut page = [0xFF; LEN];
@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_production_wrote_is_read_and_an_erased_page_holds_nothing() {
+    fn written_page_is_read_and_an_erased_page_is_empty() {
         let blank = page(None, None).unwrap();
         assert!(key(&blank).is_none() && calibration(&blank).is_none());
         assert!(key(&[0; LEN]).is_none() && calibration(&[0; LEN]).is_none());
@@ -33,7 +33,7 @@ mod tests {
         let both = page(Some(&secret), Some(&record)).unwrap();
         assert_eq!(key(&both), Some(Key::new(secret)));
         assert_eq!(calibration(&both), Some(&record[..]));
-        // A length beyond the page is not followed.
+        // A length beyond the page is rejected.
         let mut wrong = both;
         wrong[KEY_LEN + 6..KEY_LEN + 8].fill(0xFF);
         assert_eq!(calibration(&wrong), None);

@@ -1,33 +1,32 @@
-//! A flash in RAM with the rules of NOR flash, which can lose its supply in the middle of a write or an erasure. For
-//! emulated boards and for tests; a board with a flash of its own has no use for it.
+//! NOR flash in RAM whose power can fail in the middle of a write or an erasure.
 //!
-//! A word is programmed once after an erasure, or to zeros at any time, as on the STM32G4. What no model of this kind
-//! shows: a word whose programming was cut can read differently each time, or with an uncorrectable ECC error.
+//! A word is programmed once after an erasure, or to zeros at any time, as on the STM32G4. Not modelled: a word whose
+//! programming was interrupted can read differently each time, or with an uncorrectable ECC error.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// Bytes that are programmed at once.
+/// Bytes of a word, which is programmed at once.
 pub const WORD: usize = 8;
-/// Bytes that an erasure has done before the supply can fail again.
+/// Bytes erased between two points at which the power can fail.
 const ERASE_STEP: usize = 64;
 
-/// What the word or the stretch under way holds when the supply fails.
+/// Content of the word or stretch in progress when the power fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Torn {
-    /// What was done so far, to the byte; the rest is untouched.
+    /// Completed bytes are new; the others are unchanged.
     #[default]
     Clean,
-    /// Besides, bits of the word or stretch under way that hang between old and new, from this seed.
+    /// In addition, some bits of the word or stretch in progress are new and some old, chosen by this seed.
     Random(u32),
 }
 
-/// A flash of `BYTES` bytes in pages of `PAGE`.
+/// Flash of `BYTES` bytes in pages of `PAGE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RamFlash<const BYTES: usize, const PAGE: usize> {
     cells: [u8; BYTES],
-    /// Bytes that may still be programmed, and stretches erased, before the supply fails; nothing: it does not fail.
+    /// Bytes to program and stretches to erase before the power fails; `None` for never.
     until_cut: Option<usize>,
     torn: Torn,
     is_dead: bool,
@@ -36,17 +35,17 @@ pub struct RamFlash<const BYTES: usize, const PAGE: usize> {
     erasures: usize,
 }
 
-/// Why the flash refuses.
+/// Reason why an operation failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RamFlashError {
     /// Not aligned to words or pages.
     Unaligned,
-    /// Beyond the end.
+    /// Beyond the end of the flash.
     OutOfBounds,
-    /// A word is programmed a second time.
+    /// A word was programmed a second time.
     NotErased,
-    /// The supply has failed.
+    /// The power has failed.
     NoPower,
 }
 
@@ -67,7 +66,7 @@ impl<const BYTES: usize, const PAGE: usize> Default for RamFlash<BYTES, PAGE> {
 }
 
 impl<const BYTES: usize, const PAGE: usize> RamFlash<BYTES, PAGE> {
-    /// An erased flash.
+    /// Erased flash.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -80,42 +79,42 @@ impl<const BYTES: usize, const PAGE: usize> RamFlash<BYTES, PAGE> {
         }
     }
 
-    /// The supply will fail after this many more bytes programmed and stretches of 64 bytes erased.
+    /// Makes the power fail after this many more programmed bytes and erased stretches of 64 bytes.
     pub fn cut_after(&mut self, bytes: usize, torn: Torn) {
         self.until_cut = Some(bytes);
         self.torn = torn;
     }
 
-    /// The supply is back, and stays.
+    /// Restores the power permanently.
     pub fn power_on(&mut self) {
         self.until_cut = None;
         self.is_dead = false;
     }
 
-    /// Whether the supply has failed.
+    /// Whether the power has failed.
     #[must_use]
     pub fn is_dead(&self) -> bool {
         self.is_dead
     }
 
-    /// Pages erased so far.
+    /// Number of pages erased so far.
     #[must_use]
     pub fn erasures(&self) -> usize {
         self.erasures
     }
 
-    /// Bytes programmed, and stretches of 64 bytes erased, so far: the places at which the supply can fail.
+    /// Bytes programmed and stretches of 64 bytes erased so far: the number of points at which the power can fail.
     #[must_use]
     pub fn worked(&self) -> usize {
         self.worked
     }
 
-    /// All cells, for a test that damages them.
+    /// Every cell, for tests that damage them.
     pub fn cells(&mut self) -> &mut [u8; BYTES] {
         &mut self.cells
     }
 
-    /// How much of a piece of work gets done; notes the cut when it is not all.
+    /// Amount of an operation that completes; the power fails when that is not all.
     fn spend(&mut self, wanted: usize) -> usize {
         let done = match &mut self.until_cut {
             None => wanted,
@@ -137,7 +136,7 @@ impl<const BYTES: usize, const PAGE: usize> RamFlash<BYTES, PAGE> {
     }
 }
 
-/// A byte in which some bits have already changed from `old` to `new`.
+/// Byte in which some bits have changed from `old` to `new`.
 fn half_way(old: u8, new: u8, seed: u32, place: usize) -> u8 {
     let mixed = (seed ^ place as u32).wrapping_mul(0x9E37_79B9);
     let mask = (mixed ^ (mixed >> 15)) as u8;

@@ -9,21 +9,21 @@ use std::task::{Context, Waker};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver};
 use kou_app::controller::{
-    Begin, Controller, Estimator, FrontEnd, NoEstimate, Publish, SUPERVISE_PERIOD, SensorsMemory,
+    Controller, Estimator, FrontEnd, NoEstimate, Publish, SUPERVISE_PERIOD, SensorsMemory, StartReason,
     StorageTask, Task, Watchdog, WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish,
     run_sample, run_storage, run_supervise,
 };
 use kou_app::diagnostics::ResetCause;
-use kou_app::sensors::adc::{ConversionError, Counts, Input};
-use kou_app::sensors::set::{CHANNELS, Inputs, SensorsParams};
+use kou_app::sensors::adc::{AdcCounts, ConversionError, Input};
+use kou_app::sensors::set::{CHANNELS, SensorInputs, SensorsParams};
 use kou_app::sensors::wiring;
 use kou_app::storage::{MIN_BYTES, Store};
-use kou_app::update::{NoKey, Service, Session};
+use kou_app::update::{NoKey, UpdateService, UpdateSession};
 use kou_emulation::RamFlash;
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Sample};
 
-/// The mocked clock is one for the whole process: a test that moves it, or looks at it, holds it until its end.
+/// The mocked clock is shared by the whole process: a test that uses it locks it until its end.
 fn clock_for_one_test() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
     let guard = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
@@ -33,7 +33,7 @@ fn clock_for_one_test() -> MutexGuard<'static, ()> {
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
-/// Polls every task until none has anything left to do at this time.
+/// Polls every task until none can proceed at this time.
 fn settle(tasks: &mut Tasks<'_>) {
     let mut context = Context::from_waker(Waker::noop());
     for task in tasks {
@@ -41,7 +41,7 @@ fn settle(tasks: &mut Tasks<'_>) {
     }
 }
 
-/// Moves the clock by single milliseconds.
+/// Advances the clock by single milliseconds.
 fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
     for _ in 0..ms {
         clock.advance(Duration::from_millis(1));
@@ -49,14 +49,14 @@ fn run(clock: &MockDriver, tasks: &mut Tasks<'_>, ms: u64) {
     }
 }
 
-/// A front end whose inputs are what a cell says; `busy` is time that a read takes.
-struct Bench<'a> {
-    counts: &'a Cell<Result<Counts, ConversionError>>,
+/// Front end with fixed inputs; `busy` is the duration of a read.
+struct MockFrontEnd<'a> {
+    counts: &'a Cell<Result<AdcCounts, ConversionError>>,
     busy: &'a Cell<Duration>,
 }
 
-impl FrontEnd for Bench<'_> {
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
+impl FrontEnd for MockFrontEnd<'_> {
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
         MockDriver::get().advance(self.busy.get());
         assert_eq!(wanted.iter().flatten().count(), CHANNELS);
         into.analog = [self.counts.get(); CHANNELS];
@@ -65,21 +65,21 @@ impl FrontEnd for Bench<'_> {
 }
 
 #[derive(Default)]
-struct Told(RefCell<Vec<Result<Estimate, NoEstimate>>>);
+struct RecordingPublisher(RefCell<Vec<Result<Estimate, NoEstimate>>>);
 
-impl Publish for &Told {
+impl Publish for &RecordingPublisher {
     async fn publish(&mut self, _: Micros, estimate: &Result<Estimate, NoEstimate>, _: Option<&Sample>) {
         self.0.borrow_mut().push(*estimate);
     }
 }
 
 #[derive(Default)]
-struct Dog {
+struct RecordingWatchdog {
     fed_at_ms: Cell<u64>,
     given_up: RefCell<Vec<Task>>,
 }
 
-impl Watchdog for &Dog {
+impl Watchdog for &RecordingWatchdog {
     fn feed(&mut self) {
         self.fed_at_ms.set(Instant::now().as_millis());
     }
@@ -89,29 +89,29 @@ impl Watchdog for &Dog {
     }
 }
 
-/// Everything that a run needs; all of it outlives the tasks.
-struct World {
+/// State of a run that outlives its tasks.
+struct TaskBench {
     controller: Controller<NoopRawMutex>,
     params: SensorsParams,
-    counts: Cell<Result<Counts, ConversionError>>,
+    counts: Cell<Result<AdcCounts, ConversionError>>,
     busy: Cell<Duration>,
-    told: Told,
-    dog: Dog,
+    published: RecordingPublisher,
+    watchdog: RecordingWatchdog,
 }
 
-impl World {
+impl TaskBench {
     fn new() -> Self {
         Self {
             controller: Controller::new(),
             params: SensorsParams::new(&wiring::REFERENCE).unwrap(),
-            counts: Cell::new(Ok(Counts::new(1500).unwrap())),
+            counts: Cell::new(Ok(AdcCounts::new(1500).unwrap())),
             busy: Cell::new(Duration::from_ticks(0)),
-            told: Told::default(),
-            dog: Dog::default(),
+            published: RecordingPublisher::default(),
+            watchdog: RecordingWatchdog::default(),
         }
     }
 
-    /// All tasks but those that are left out, in the order of their priorities.
+    /// Tasks in the order of their priorities, without the excluded ones.
     fn tasks(&self, without: &[Task]) -> Tasks<'_> {
         let start = Instant::now();
         let c = &self.controller;
@@ -119,109 +119,109 @@ impl World {
         let with = |task| !without.contains(&task);
         if with(Task::Sample) {
             tasks.push(Box::pin(async move {
-                let mut bench = Bench { counts: &self.counts, busy: &self.busy };
-                run_sample(c, start, &self.params, &mut bench, &mut SensorsMemory::new()).await;
+                let mut front_end = MockFrontEnd { counts: &self.counts, busy: &self.busy };
+                run_sample(c, start, &self.params, &mut front_end, &mut SensorsMemory::new()).await;
             }));
         }
         if with(Task::Estimate) {
             tasks.push(Box::pin(async move { run_estimate(c, start, &mut Estimator::new()).await }));
         }
         if with(Task::Publish) {
-            tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.told).await }));
+            tasks.push(Box::pin(async move { run_publish(c, start, &mut &self.published).await }));
         }
-        if with(Task::Store) {
+        if with(Task::Storage) {
             tasks.push(Box::pin(async move {
                 let mut store =
                     Store::new(RamFlash::<{ MIN_BYTES as usize }, 2048>::new(), 0..MIN_BYTES).unwrap();
                 let rates = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap();
-                let mut session = Session::new();
-                let begin = Begin { cause: ResetCause::PowerOn, note: None };
-                let mut keeper =
-                    StorageTask::new(Service::new(&mut store, &mut session, NoKey, None), rates, begin);
-                run_storage(c, start, &mut keeper).await;
+                let mut session = UpdateSession::new();
+                let begin = StartReason { cause: ResetCause::PowerOn, crash_record: None };
+                let mut storage =
+                    StorageTask::new(UpdateService::new(&mut store, &mut session, NoKey, None), rates, begin);
+                run_storage(c, start, &mut storage).await;
             }));
         }
-        tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.dog).await }));
+        tasks.push(Box::pin(async move { run_supervise(c, start, &mut &self.watchdog).await }));
         settle(&mut tasks);
         tasks
     }
 }
 
 #[test]
-fn every_task_keeps_its_period_and_the_watchdog_is_fed() {
+fn every_task_meets_its_period_and_the_watchdog_is_fed() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    let mut tasks = bench.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 10_000);
-    let [sample, estimate, publish, store, supervise] = world.controller.vitals.read();
-    let turns = [sample, estimate, publish, store, supervise].map(|vital| vital.turns);
-    assert_eq!(turns, [10_000, 1_000, 1_000, 10, 200]);
-    for vital in world.controller.vitals.read() {
-        assert_eq!((vital.missed, vital.skipped, vital.latest_us), (0, 0, 0));
+    let [sample, estimate, publish, store, supervise] = bench.controller.task_stats.read();
+    let cycles = [sample, estimate, publish, store, supervise].map(|stats| stats.cycles);
+    assert_eq!(cycles, [10_000, 1_000, 1_000, 10, 200]);
+    for stats in bench.controller.task_stats.read() {
+        assert_eq!((stats.missed, stats.skipped, stats.max_jitter_us), (0, 0, 0));
     }
-    assert_eq!(world.told.0.borrow().len(), 1_000);
-    assert_eq!(Instant::now().as_millis() - world.dog.fed_at_ms.get(), 0);
-    assert_eq!(*world.dog.given_up.borrow(), []);
+    assert_eq!(bench.published.0.borrow().len(), 1_000);
+    assert_eq!(Instant::now().as_millis() - bench.watchdog.fed_at_ms.get(), 0);
+    assert_eq!(*bench.watchdog.given_up.borrow(), []);
 }
 
 #[test]
-fn without_a_calibration_the_output_says_so_and_never_an_estimate() {
+fn without_a_calibration_the_output_says_so_and_is_never_an_estimate() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    assert_eq!(world.controller.output(Micros(0)), Err(NoEstimate::Starting));
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    assert_eq!(bench.controller.output(Micros(0)), Err(NoEstimate::Starting));
+    let mut tasks = bench.tasks(&[]);
     run(MockDriver::get(), &mut tasks, 1_000);
-    // Until the flash has been read it is not known.
-    let told = world.told.0.borrow();
-    let starting = told.iter().take_while(|told| **told == Err(NoEstimate::Starting)).count();
+    // Unknown until the flash has been read.
+    let published = bench.published.0.borrow();
+    let starting = published.iter().take_while(|published| **published == Err(NoEstimate::Starting)).count();
     assert!(starting <= 2, "{starting}");
-    assert!(told.iter().skip(starting).all(|told| *told == Err(NoEstimate::NoCalibration)));
-    let sample = world.controller.sample().unwrap();
+    assert!(published.iter().skip(starting).all(|published| *published == Err(NoEstimate::NoCalibration)));
+    let sample = bench.controller.sample().unwrap();
     assert!(sample.oil_temperature.value.is_ok(), "{sample:?}");
 }
 
 #[test]
-fn a_late_task_misses_is_counted_and_does_not_shift_the_ones_after_it() {
+fn deadlines_missed_by_a_late_task_are_counted_and_its_schedule_does_not_drift() {
     let _clock = clock_for_one_test();
-    let world = World::new();
-    let mut tasks = world.tasks(&[]);
+    let bench = TaskBench::new();
+    let mut tasks = bench.tasks(&[]);
     let clock = MockDriver::get();
     run(clock, &mut tasks, 100);
-    // One read takes 3.5 ms: the turns due 1, 2 and 3 ms after it are left out.
-    world.busy.set(Duration::from_micros(3_500));
+    // One read takes 3.5 ms: the cycles due 1, 2 and 3 ms after it are skipped.
+    bench.busy.set(Duration::from_micros(3_500));
     run(clock, &mut tasks, 1);
-    world.busy.set(Duration::from_ticks(0));
-    let vital = world.controller.vitals.sample.read();
-    assert_eq!((vital.turns, vital.missed, vital.skipped, vital.longest_us), (101, 1, 3, 3_500));
-    // The clock now stands at half a millisecond; the turns stay on the whole ones.
+    bench.busy.set(Duration::from_ticks(0));
+    let stats = bench.controller.task_stats.sample.read();
+    assert_eq!((stats.cycles, stats.missed, stats.skipped, stats.max_execution_us), (101, 1, 3, 3_500));
+    // The clock is now at half a millisecond; cycles remain on whole ones.
     clock.advance(Duration::from_micros(500));
     settle(&mut tasks);
     run(clock, &mut tasks, 100);
-    let after = world.controller.vitals.sample.read();
-    assert_eq!((after.turns, after.missed, after.latest_us), (202, 1, 0));
-    // No time has leaked: turns and left-out turns are the milliseconds that have passed.
-    assert_eq!(u64::from(after.turns + after.skipped), 100 + 1 + 4 + 100);
+    let after = bench.controller.task_stats.sample.read();
+    assert_eq!((after.cycles, after.missed, after.max_jitter_us), (202, 1, 0));
+    // No drift: executed and skipped cycles equal the elapsed milliseconds.
+    assert_eq!(u64::from(after.cycles + after.skipped), 100 + 1 + 4 + 100);
 }
 
 #[test]
-fn each_task_that_stops_starves_the_watchdog_in_time_and_is_named() {
+fn each_stopped_task_starves_the_watchdog_in_time_and_is_named() {
     let _clock = clock_for_one_test();
     for task in Task::ALL {
-        let world = World::new();
-        let mut tasks = world.tasks(&[task]);
+        let bench = TaskBench::new();
+        let mut tasks = bench.tasks(&[task]);
         let clock = MockDriver::get();
         let start = Instant::now();
-        // Within its patience, one look of the supervisor to notice and one more to give up.
-        let limit = task.patience() + SUPERVISE_PERIOD * 3;
+        // Its timeout, one period of the supervisor to detect it and one more to give up.
+        let limit = task.timeout() + SUPERVISE_PERIOD * 3;
         run(clock, &mut tasks, limit.as_millis());
-        assert_eq!(*world.dog.given_up.borrow(), [task], "{task:?}");
-        let fed = world.dog.fed_at_ms.get().saturating_sub(start.as_millis());
-        assert!(fed <= (task.patience() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
-        // For good.
-        let fed = world.dog.fed_at_ms.get();
+        assert_eq!(*bench.watchdog.given_up.borrow(), [task], "{task:?}");
+        let fed = bench.watchdog.fed_at_ms.get().saturating_sub(start.as_millis());
+        assert!(fed <= (task.timeout() + SUPERVISE_PERIOD).as_millis(), "{task:?}: fed until {fed} ms");
+        // Permanently.
+        let fed = bench.watchdog.fed_at_ms.get();
         run(clock, &mut tasks, 2_000);
-        assert_eq!(world.dog.fed_at_ms.get(), fed);
-        assert_eq!(world.dog.given_up.borrow().len(), 1);
+        assert_eq!(bench.watchdog.fed_at_ms.get(), fed);
+        assert_eq!(bench.watchdog.given_up.borrow().len(), 1);
     }
 }

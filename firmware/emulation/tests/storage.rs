@@ -1,50 +1,51 @@
-//! Records of every age, and the rules of the flash in RAM. Power cuts and damaged bits: `tests/e2e/storage.rs`.
+//! Record migration, and the rules of the flash in RAM. Power failures and damaged bits: `tests/e2e/storage.rs`.
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::ResetCause;
 use kou_app::storage::{
-    BUFFER_LEN, Kind, OperatingCounters, MIN_BYTES, Record, RegionError, Store, StoreError, StoredCalibration,
+    BUFFER_LEN, MIN_BYTES, OperatingCounters, Record, RecordKind, RegionError, Store, StoreError,
+    StoredCalibration,
 };
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::{RamFlashError, Torn};
 use serde::{Deserialize, Serialize};
 
 const BYTES: usize = MIN_BYTES as usize;
-type Flash = RamFlash<BYTES, 2048>;
+type MinimalFlash = RamFlash<BYTES, 2048>;
 
-fn store() -> Store<Flash> {
-    Store::new(Flash::new(), 0..MIN_BYTES).unwrap()
+fn store() -> Store<MinimalFlash> {
+    Store::new(MinimalFlash::new(), 0..MIN_BYTES).unwrap()
 }
 
 #[test]
-fn a_region_that_cannot_be_used_is_refused_by_name() {
-    assert_eq!(Store::new(Flash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
+fn unusable_region_is_rejected_by_name() {
+    assert_eq!(Store::new(MinimalFlash::new(), 0..MIN_BYTES - 2048).err(), Some(RegionError::TooSmall));
     let odd = Store::new(RamFlash::<{ 2 * BYTES }, 2048>::new(), 8..MIN_BYTES + 8);
     assert_eq!(odd.err(), Some(RegionError::Pages));
     let small = Store::new(RamFlash::<BYTES, 512>::new(), 0..MIN_BYTES);
     assert_eq!(small.err(), Some(RegionError::PageTooSmall));
 }
 
-/// Hours as an imagined earlier version would have stored them.
+/// Operating counters of a fictitious earlier version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Older {
     hours: u16,
 }
 
 impl Record<'_> for Older {
-    const KIND: Kind = Kind::OperatingCounters;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 0;
 }
 
-/// As the next version might.
+/// Operating counters of a fictitious next version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Newer {
     operating_s: u32,
 }
 
 impl<'a> Record<'a> for Newer {
-    const KIND: Kind = Kind::OperatingCounters;
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 2;
 
     fn migrate(schema: u16, body: &'a [u8]) -> Option<Self> {
@@ -59,23 +60,29 @@ impl<'a> Record<'a> for Newer {
 }
 
 #[test]
-fn an_older_record_is_migrated_and_a_foreign_one_refused_by_name() {
+fn older_record_is_migrated_and_unsupported_schema_is_rejected_by_name() {
     let mut store = store();
     block_on(async {
         assert_eq!(store.read::<Newer>().await, Ok(None));
         store.write(&Older { hours: 7 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 25_200 })));
-        assert_eq!(store.read::<OperatingCounters>().await, Err(StoreError::Schema { kind: Kind::OperatingCounters, found: 0 }));
+        assert_eq!(
+            store.read::<OperatingCounters>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 0 })
+        );
         store.write(&OperatingCounters::new()).await.unwrap();
-        assert_eq!(store.read::<Newer>().await, Err(StoreError::Schema { kind: Kind::OperatingCounters, found: 1 }));
-        // Refused, it can still be replaced.
+        assert_eq!(
+            store.read::<Newer>().await,
+            Err(StoreError::Schema { kind: RecordKind::OperatingCounters, found: 1 })
+        );
+        // A rejected record can still be replaced.
         store.write(&Newer { operating_s: 1 }).await.unwrap();
         assert_eq!(store.read::<Newer>().await, Ok(Some(Newer { operating_s: 1 })));
     });
 }
 
 #[test]
-fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
+fn record_that_is_too_long_is_rejected_and_the_previous_one_remains() {
     let mut store = store();
     let long = [7; BUFFER_LEN];
     block_on(async {
@@ -94,22 +101,24 @@ fn a_record_that_is_too_long_is_refused_and_leaves_the_one_before() {
 }
 
 #[test]
-fn unasked_restarts_are_counted_and_are_troubles() {
+fn unplanned_resets_are_counted_and_are_faults() {
     let mut life = OperatingCounters::new();
-    let unasked = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
-    for cause in [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unasked) {
-        life.started(cause);
-        assert_eq!(cause.trouble().is_some(), unasked.contains(&cause));
+    let unplanned_resets = [ResetCause::BrownOut, ResetCause::Watchdog, ResetCause::Panic];
+    for cause in
+        [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software].into_iter().chain(unplanned_resets)
+    {
+        life.count_start(cause);
+        assert_eq!(cause.fault_code().is_some(), unplanned_resets.contains(&cause));
     }
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (6, 3, ResetCause::Panic));
-    life.ran(u32::MAX);
-    life.ran(1);
+    life.add_operating_time(u32::MAX);
+    life.add_operating_time(1);
     assert_eq!(life.operating_s, u32::MAX);
 }
 
 #[test]
-fn flash_in_ram_keeps_the_rules_of_nor_flash() {
-    let mut flash = Flash::new();
+fn flash_in_ram_follows_the_rules_of_nor_flash() {
+    let mut flash = MinimalFlash::new();
     block_on(async {
         flash.write(8, &[1; 8]).await.unwrap();
         assert_eq!(flash.write(8, &[1; 8]).await, Err(RamFlashError::NotErased));

@@ -1,4 +1,4 @@
-//! What one step of the estimator says, and why it says nothing where it cannot.
+//! Estimate: result of one step, each part valid or with the reason why not.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,13 +6,13 @@ use crate::health::Health;
 use crate::reason::Reason;
 use crate::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
 
-/// What the calibrated law and the reduced model expect at the present operating point.
+/// Leakage expected at the operating point, by the calibrated law and the flow balance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Expected {
     /// Leakage coefficient by the law.
     pub kou: LeakageCoefficient,
-    /// Standard error of `kou`: the law's misfit and the errors of its coefficients at this operating point.
+    /// Standard error of `kou`: the law's misfit and the uncertainty of its coefficients at this operating point.
     pub kou_se: LeakageCoefficient,
     /// Speed ratio `n_m/n_p` by the reduced model; negative for negative displacement.
     pub ratio: Ratio,
@@ -22,13 +22,13 @@ pub struct Expected {
     pub leakage: LitrePerMin,
 }
 
-/// What the measured ratio says about leakage.
+/// Leakage observed: the coefficient that explains the measured speed ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Seen {
-    /// Measured speed ratio; of a flow meter, its flow over what its reference displacement would pass.
+pub struct Observed {
+    /// Measured speed ratio; of a flow meter, its flow over the flow of its reference displacement at pump speed.
     pub ratio: Ratio,
-    /// Leakage coefficient that explains the measured ratio, by the reduced model's inverse.
+    /// Leakage coefficient that explains the measured ratio, by the inverse of the flow balance.
     pub kou: LeakageCoefficient,
     /// Standard error of `kou` from the sensors' standard errors, to first order.
     pub kou_se: LeakageCoefficient,
@@ -38,34 +38,34 @@ pub struct Seen {
     pub leakage: LitrePerMin,
 }
 
-/// One estimate: what is expected and what is seen, each valid or with its reason, and what has been learned.
+/// One estimate: expected and observed leakage, each valid or with its reason, and the health status.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimate {
     /// Time of the sample from which the estimate was made.
     pub time: Micros,
-    /// By law and reduced model.
+    /// Leakage by law and flow balance.
     pub expected: Result<Expected, Reason>,
-    /// By the measured ratio.
-    pub seen: Result<Seen, Reason>,
-    /// What has been learned so far, whatever this sample was like.
+    /// Leakage by the measured speed ratio.
+    pub observed: Result<Observed, Reason>,
+    /// Health status, whether or not this sample is valid.
     pub health: Health,
 }
 
 impl Estimate {
-    /// An estimate of which no part is valid, for one reason, before anything was learned.
+    /// Estimate without a valid part, for one reason, before anything was learned.
     #[must_use]
     pub const fn invalid(time: Micros, reason: Reason) -> Self {
-        Self { time, expected: Err(reason), seen: Err(reason), health: Health::new() }
+        Self { time, expected: Err(reason), observed: Err(reason), health: Health::new() }
     }
 
-    /// Coefficient seen over coefficient expected: 1 for a machine as it was when calibrated, rising with wear.
+    /// Wear ratio: observed over expected leakage coefficient. 1 for a machine as calibrated, rising with wear.
     ///
     /// # Errors
-    /// The reason of the part that is not valid; of what is seen first.
+    /// The reason of the part that is not valid, the observed part first.
     pub fn wear_ratio(&self) -> Result<Ratio, Reason> {
-        let seen = self.seen?;
+        let observed = self.observed?;
         let expected = self.expected?;
-        Ok(Ratio(seen.kou.get() / expected.kou.get()))
+        Ok(Ratio(observed.kou.get() / expected.kou.get()))
     }
 }

@@ -1,8 +1,8 @@
 //! Checked parameters: a calibration that has passed every check, prepared for evaluation.
 
 use crate::calibration::validate;
-use crate::calibration::{Calibration, CalibrationError, Limits, Output, SensorErrors, SensorRanges};
-use crate::health::{HealthContext, HealthParams, MachineParts};
+use crate::calibration::{Calibration, CalibrationError, Limits, OutputSensor, SensorErrors, SensorRanges};
+use crate::health::{HealthContext, HealthInputs, HealthParams};
 use crate::model::calibrated_model::CalibratedModel;
 use crate::model::calibrated_region::RegionConfig;
 use crate::model::flow_balance::ReducedModel;
@@ -10,17 +10,17 @@ use crate::model::leakage_law::Law;
 use crate::model::oil_compression::Compression;
 use crate::units::Megapascal;
 
-/// Everything a step needs to know. Immutable; may be swapped for another between two steps.
+/// Checked parameters of one machine. Immutable; may be exchanged between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
-    pub(crate) model: CalibratedModel,
+    /// Equations of the machine and parameters of health monitoring.
+    pub(crate) context: HealthContext,
     pub(crate) region: RegionConfig,
     pub(crate) errors: SensorErrors,
     pub(crate) ranges: SensorRanges,
     pub(crate) limits: Limits,
-    pub(crate) output: Output,
+    pub(crate) output: OutputSensor,
     pub(crate) low_pressure: Megapascal,
-    pub(crate) health: HealthParams,
 }
 
 impl Params {
@@ -29,38 +29,36 @@ impl Params {
     /// # Errors
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
-        let mut params = Self::from_checked(calibration, health_of(calibration)?);
-        params.model.reduced.tabulate(&calibration.oil);
+        let mut params = Self::from_checked(calibration, checked_health(calibration)?);
+        params.context.model.reduced.tabulate(&calibration.oil);
         Ok(params)
     }
 
-    /// Checks a calibration and puts its parameters into `place`: without a copy of them on the stack, of which a controller
-    /// has little.
+    /// Checks a calibration and writes its parameters to `place` directly, to spare the stack of a controller a copy.
     ///
     /// # Errors
-    /// As [`new`](Self::new); then nothing is there.
+    /// As [`new`](Self::new); `place` is then empty.
     pub fn replace(place: &mut Option<Self>, calibration: &Calibration) -> Result<(), CalibrationError> {
         *place = None;
-        put(place, calibration, health_of(calibration)?);
+        write_params(place, calibration, checked_health(calibration)?);
         if let Some(params) = place {
-            params.model.reduced.tabulate(&calibration.oil);
+            params.context.model.reduced.tabulate(&calibration.oil);
         }
         Ok(())
     }
 
-    /// Checks a calibration as [`new`](Self::new) does, and prepares nothing.
+    /// Checks a calibration as [`new`](Self::new) does, without preparing parameters.
     ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn check(calibration: &Calibration) -> Result<(), CalibrationError> {
-        health_of(calibration).map(|_| ())
+        checked_health(calibration).map(|_| ())
     }
 
-    /// All but the table of compression.
+    /// Parameters with an empty compression table.
     fn from_checked(calibration: &Calibration, health: HealthParams) -> Self {
         Self {
-            health,
-            model: untabulated(calibration),
+            context: HealthContext { params: health, model: untabulated(calibration) },
             region: calibration.region,
             errors: calibration.sensor_errors,
             ranges: calibration.sensor_ranges,
@@ -70,25 +68,19 @@ impl Params {
         }
     }
 
-    /// What health monitoring borrows.
-    #[inline(always)]
-    pub(crate) fn health_context(&self) -> HealthContext<'_> {
-        HealthContext { params: &self.health, model: &self.model }
-    }
-
-    /// The reduced model.
+    /// The flow balance (reduced model).
     #[must_use]
     pub fn reduced(&self) -> &ReducedModel {
-        &self.model.reduced
+        &self.context.model.reduced
     }
 
-    /// Declared spans of the sensors.
+    /// Declared ranges of the sensors.
     #[must_use]
     pub fn sensor_ranges(&self) -> &SensorRanges {
         &self.ranges
     }
 
-    /// Where the drive counts as working.
+    /// Operating limits of the estimator.
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.limits
@@ -100,20 +92,20 @@ impl Params {
         self.low_pressure
     }
 
-    /// How health is learned and judged.
+    /// Parameters of health monitoring.
     #[must_use]
     pub fn health(&self) -> &HealthParams {
-        &self.health
+        &self.context.params
     }
 
     /// The leakage law.
     #[must_use]
     pub fn law(&self) -> &Law {
-        &self.model.law
+        &self.context.model.law
     }
 }
 
-/// Flow balance and law, the table of compression still empty.
+/// Flow balance and law, with an empty compression table.
 #[inline(always)]
 fn untabulated(calibration: &Calibration) -> CalibratedModel {
     CalibratedModel {
@@ -122,24 +114,24 @@ fn untabulated(calibration: &Calibration) -> CalibratedModel {
     }
 }
 
-// Not inlined: while the calibration is checked, nothing of this is needed on the stack.
+// Not inlined: while the calibration is checked, none of this is needed on the stack.
 #[inline(never)]
-fn put(place: &mut Option<Params>, calibration: &Calibration, health: HealthParams) {
+fn write_params(place: &mut Option<Params>, calibration: &Calibration, health: HealthParams) {
     *place = Some(Params::from_checked(calibration, health));
 }
 
-/// Everything that is checked; health comes last, since it follows from the other parts.
-// Not inlined: its copies of other parts would lie on the stack beside the parameters that are being made.
+/// Checks everything; health last, since it follows from the other parts.
+// Not inlined: its temporary model would occupy the stack together with the parameters under construction.
 #[inline(never)]
-fn health_of(calibration: &Calibration) -> Result<HealthParams, CalibrationError> {
+fn checked_health(calibration: &Calibration) -> Result<HealthParams, CalibrationError> {
     validate::all(calibration)?;
     let mut model = untabulated(calibration);
     model.reduced.tabulate(&calibration.oil);
-    let machine = MachineParts {
+    let inputs = HealthInputs {
         model: &model,
         errors: &calibration.sensor_errors,
         limits: &calibration.limits,
         low_pressure: calibration.machine.low_pressure,
     };
-    HealthParams::new(&calibration.health, &machine)
+    HealthParams::new(&calibration.health, &inputs)
 }

@@ -1,10 +1,10 @@
-//! A reading is a time stamp plus a value or the reason why there is none. There are no sentinel numbers.
+//! Readings: a time stamp plus a value or the fault for which there is none. There are no sentinel numbers.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::{Celsius, LitrePerMin, Megapascal, Micros, Ratio, RevPerMin};
 
-/// Why a channel has no usable value.
+/// Fault of a channel: the reason why it has no valid value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
@@ -24,11 +24,11 @@ pub enum Fault {
     OutOfRange,
     /// The value is NaN or infinite.
     NotFinite,
-    /// The value has not moved for longer than a live signal can stand still.
+    /// The value has been constant for longer than a live signal can be.
     Stuck,
     /// The value changed faster than the machine can.
     Rate,
-    /// The value contradicts what the other sensors say.
+    /// The value contradicts the other sensors.
     Implausible,
 }
 
@@ -114,49 +114,49 @@ impl Channel {
     }
 }
 
-/// Time stamp plus a value or the reason why there is none.
+/// Time stamp plus a value or the fault for which there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading<U> {
     /// When the value was measured, or when its absence was established.
     pub time: Micros,
-    /// The value or the reason.
+    /// The value or the fault.
     pub value: Result<U, Fault>,
 }
 
 impl<U> Reading<U> {
-    /// A good reading.
+    /// Valid reading.
     #[must_use]
     pub const fn new(time: Micros, value: U) -> Self {
         Self { time, value: Ok(value) }
     }
 
-    /// A reading without a value.
+    /// Reading without a value.
     #[must_use]
     pub const fn failed(time: Micros, fault: Fault) -> Self {
         Self { time, value: Err(fault) }
     }
 
-    /// The channel does not exist on this machine.
+    /// Reading of a sensor that the machine does not have.
     #[must_use]
     pub const fn not_fitted() -> Self {
         Self::failed(Micros(0), Fault::NotFitted)
     }
 }
 
-/// One set of readings, taken at [`Sample::time`].
+/// One set of readings at [`Sample::time`]: the input of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sample {
-    /// Time at which the set was put together.
+    /// Time at which the set was assembled.
     pub time: Micros,
     /// Pump speed `n_p`.
     pub pump_speed: Reading<RevPerMin>,
     /// Motor speed `n_m`; its sign is that of the displacement. Not fitted on a rig with a flow meter.
     pub motor_speed: Reading<RevPerMin>,
-    /// Pressure of the line that is high, `p_H`, gauge.
+    /// Pressure of the high line, `p_H`, gauge.
     pub high_pressure: Reading<Megapascal>,
-    /// Pressure of the line that is low, `p_L`, gauge. Where not fitted, the calibration's constant.
+    /// Pressure of the low line, `p_L`, gauge. Where not fitted, the calibration's constant.
     pub low_pressure: Reading<Megapascal>,
     /// Temperature of the compensated oil `T_b`.
     pub oil_temperature: Reading<Celsius>,
@@ -167,7 +167,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// A sample at `time` in which no sensor has reported yet.
+    /// Sample at `time` in which no sensor has reported yet.
     #[must_use]
     pub const fn empty(time: Micros) -> Self {
         Self {

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 use crate::model::calibrated_region::Direction;
 use crate::reading::{Channel, Fault};
 
-/// Why a part of an estimate is not valid.
+/// Reason for which a part of an estimate is not valid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reason {
-    /// A channel has no usable value.
+    /// A channel has no valid value.
     Sensor(Channel, Fault),
     /// The sample is stamped earlier than the one before it.
     TimeReversed,
@@ -23,21 +23,21 @@ pub enum Reason {
     OutsideRegion(Direction),
     /// The law gives a coefficient that is not positive here.
     LawNotPositive,
-    /// Leakage by the law would take the whole flow: the motor would stand still.
+    /// Leakage by the law would consume the whole flow: the motor would not turn.
     LeakageTakesFlow,
     /// The measured ratio has the wrong sign or is zero.
     RatioNotPositive,
     /// The measured ratio is above the leak-free ratio: no leakage explains it.
     RatioAboveLeakFree,
-    /// The coefficient seen is above `limits.max_kou`: no plausible leakage explains the measured ratio.
+    /// The observed coefficient is above `limits.max_kou_l_min_mpa`: no plausible leakage explains the measured ratio.
     KouImplausible,
-    /// What was learned while driving says that a sensor, the displacement or the oil has changed, not the leakage. No
-    /// step of the estimator says so by itself: a controller does, from [`crate::health::Health`].
+    /// Health monitoring attributes a change to a sensor, the displacement or the oil, not to leakage. Set by a
+    /// controller from [`crate::health::Health`], never by a step of the estimator itself.
     SensorSuspected,
 }
 
 impl Reason {
-    /// Name as reports print it; a sensor's reason is told by [`Channel::name`] and [`Fault::name`] besides.
+    /// Name as reports print it; [`Channel::name`] and [`Fault::name`] add the details of a sensor's reason.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

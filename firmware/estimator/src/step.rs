@@ -1,10 +1,11 @@
-//! One step: a sample in, an estimate out. The only place where readings are judged and the parts are put together.
+//! One step of the estimator: from a sample to an estimate. The only place where readings are checked and the equations
+//! are combined.
 
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::Output;
-use crate::estimate::{Estimate, Expected, Seen};
-use crate::health::{HealthState, Terms};
+use crate::calibration::OutputSensor;
+use crate::estimate::{Estimate, Expected, Observed};
+use crate::health::{HealthState, RegressionSample};
 use crate::model::flow_balance::{Balance, OperatingPoint};
 use crate::params::Params;
 use crate::reading::{Channel, Fault, Reading, Sample};
@@ -12,7 +13,7 @@ use crate::reason::Reason;
 use crate::standard_error::kou_standard_error;
 use crate::units::{LeakageCoefficient, Micros, Ratio};
 
-/// What the estimator remembers between two steps.
+/// State of the estimator between two steps.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct State {
@@ -29,89 +30,92 @@ impl State {
         Self { last_time: None, samples: 0, valid: 0, health: HealthState::new() }
     }
 
-    /// State before the first sample of a machine of which this much has been learned before, by whatever clock: the first
-    /// sample is refused as [`Reason::TimeReversed`], and what health had begun to collect is collected anew.
+    /// State before the first sample, with a restored health state of whatever clock: the first sample is rejected as
+    /// [`Reason::TimeReversed`], and the block that was being filled is begun anew.
     #[must_use]
     pub const fn with_health(health: HealthState) -> Self {
         Self { last_time: Some(Micros(u64::MAX)), samples: 0, valid: 0, health }
     }
 
-    /// Number of samples seen; stays at its maximum instead of wrapping.
+    /// Number of samples so far; saturates instead of wrapping.
     #[must_use]
     pub const fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// Number of samples of which every part was valid.
+    /// Number of samples with a valid expected and a valid observed part.
     #[must_use]
     pub const fn valid(&self) -> u32 {
         self.valid
     }
 
-    /// What has been learned of the machine's health.
+    /// Learned state of health monitoring.
     #[must_use]
     pub const fn health(&self) -> &HealthState {
         &self.health
     }
 }
 
-/// Makes the estimate for one sample.
+/// Estimates leakage and health from one sample.
 ///
-/// Every number of a valid part is finite. A part that is not valid carries the first reason found, in the order in
-/// which this function looks: time, sensors in the order of [`Channel::ALL`], operating point, law, result.
+/// Every number of a valid part is finite. A part that is not valid carries the first reason found, in the order of the
+/// checks: time, sensors in the order of [`Channel::ALL`], operating point, law, result. The crate's front page shows a
+/// complete example.
 #[must_use]
 pub fn step(params: &Params, state: &mut State, sample: &Sample) -> Estimate {
     state.samples = state.samples.saturating_add(1);
     let reversed = state.last_time.is_some_and(|last| sample.time < last);
-    // The new time is taken over in any case: after a clock was set back, only one sample is lost.
+    // The new time is stored in any case: after a clock was set back, only one sample is lost.
     state.last_time = Some(sample.time);
-    let (expected, seen) = if reversed {
-        refused(params, state, sample, Reason::TimeReversed)
+    let (expected, observed) = if reversed {
+        reject(params, state, sample, Reason::TimeReversed)
     } else {
-        judge(params, state, sample)
+        evaluate(params, state, sample)
     };
-    if expected.is_ok() && seen.is_ok() {
+    if expected.is_ok() && observed.is_ok() {
         state.valid = state.valid.saturating_add(1);
     }
-    Estimate { time: sample.time, expected, seen, health: state.health.told() }
+    Estimate { time: sample.time, expected, observed, health: state.health.status() }
 }
 
-/// Both parts of an estimate.
-type Parts = (Result<Expected, Reason>, Result<Seen, Reason>);
+/// Expected and observed part of an estimate.
+type EstimateParts = (Result<Expected, Reason>, Result<Observed, Reason>);
 
+/// Rejects a sample for one reason.
 #[inline(always)]
-fn refused(params: &Params, state: &mut State, sample: &Sample, reason: Reason) -> Parts {
-    state.health.skip(params.health_context(), sample.time, reason);
+fn reject(params: &Params, state: &mut State, sample: &Sample, reason: Reason) -> EstimateParts {
+    state.health.skip(&params.context, sample.time, reason);
     (Err(reason), Err(reason))
 }
 
+/// Evaluates a sample whose time is valid.
 #[inline(always)]
-fn judge(params: &Params, state: &mut State, sample: &Sample) -> Parts {
+fn evaluate(params: &Params, state: &mut State, sample: &Sample) -> EstimateParts {
     let at = match operating_point(params, sample) {
         Ok(at) => at,
-        Err(reason) => return refused(params, state, sample, reason),
+        Err(reason) => return reject(params, state, sample, reason),
     };
-    let balance = params.model.reduced.balance(&at);
+    let balance = params.context.model.reduced.balance(&at);
     let expected = expect(params, &at, &balance);
     let ratio = measured_ratio(params, &at, sample);
-    let seen = match ratio {
-        Ok(ratio) => see(params, &at, &balance, ratio),
+    let observed = match ratio {
+        Ok(ratio) => observe(params, &at, &balance, ratio),
         Err(reason) => Err(reason),
     };
-    // Also with ratios above the leak-free one: to leave such samples out would bias the learned mean.
+    // Also with ratios above the leak-free one: omitting such samples would bias the learned mean.
     match (&expected, ratio) {
         (Ok(expected), Ok(ratio)) => {
-            learn(params, &mut state.health, sample.time, &at, &balance, expected, ratio);
+            update_health(params, &mut state.health, sample.time, &at, &balance, expected, ratio);
         }
-        (Err(reason), _) => state.health.skip(params.health_context(), sample.time, *reason),
-        (_, Err(reason)) => state.health.skip(params.health_context(), sample.time, reason),
+        (Err(reason), _) => state.health.skip(&params.context, sample.time, *reason),
+        (_, Err(reason)) => state.health.skip(&params.context, sample.time, reason),
     }
-    (expected, seen)
+    (expected, observed)
 }
 
-/// Hands a valid sample on to health.
+/// Updates health with a valid sample.
 #[inline(always)]
-fn learn(
+fn update_health(
     params: &Params,
     state: &mut HealthState,
     time: Micros,
@@ -120,8 +124,8 @@ fn learn(
     expected: &Expected,
     ratio: Ratio,
 ) {
-    let terms = Terms {
-        deficit: expected.ratio.get().abs() - ratio.get().abs(),
+    let regression = RegressionSample {
+        ratio_residual: expected.ratio.get().abs() - ratio.get().abs(),
         ratio_per_kou: 1.0 / balance.kou_per_ratio(),
         kou_law: expected.kou.get(),
         ratio: ratio.get().abs(),
@@ -131,27 +135,27 @@ fn learn(
         alpha: at.displacement.get().abs(),
         chi: balance.compression_loss().get(),
     };
-    state.takes(params.health_context(), time, &terms);
+    state.update(&params.context, time, &regression);
 }
 
-/// The operating point, if every reading that it needs is good and the drive works there.
+/// Operating point, if every reading it needs is valid and the drive is within the limits of the estimator.
 fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, Reason> {
     let ranges = &params.ranges;
     let limits = &params.limits;
-    let judge = Judge { now: sample.time, max_age_us: limits.max_age_us };
+    let check = ReadingCheck { now: sample.time, max_age_us: limits.max_age_us };
 
     let speed = ranges.speed_max.get();
     let pump_speed =
-        judge.value(Channel::PumpSpeed, &sample.pump_speed, |n| (0.0..=speed).contains(&n.get()))?;
+        check.value(Channel::PumpSpeed, &sample.pump_speed, |n| (0.0..=speed).contains(&n.get()))?;
     let in_span = |p: f32| p >= ranges.pressure_min.get() && p <= ranges.pressure_max.get();
-    let high_pressure = judge.value(Channel::HighPressure, &sample.high_pressure, |p| in_span(p.get()))?;
-    let low_pressure = judge
+    let high_pressure = check.value(Channel::HighPressure, &sample.high_pressure, |p| in_span(p.get()))?;
+    let low_pressure = check
         .optional(Channel::LowPressure, &sample.low_pressure, |p| in_span(p.get()))?
         .unwrap_or(params.low_pressure);
-    let oil_temperature = judge.value(Channel::OilTemperature, &sample.oil_temperature, |t| {
+    let oil_temperature = check.value(Channel::OilTemperature, &sample.oil_temperature, |t| {
         t >= &ranges.temperature_min && t <= &ranges.temperature_max
     })?;
-    let displacement = judge
+    let displacement = check
         .optional(Channel::Displacement, &sample.displacement, |a| (-1.0..=1.0).contains(&a.get()))?
         .unwrap_or(Ratio(1.0));
 
@@ -167,13 +171,13 @@ fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, R
     Ok(OperatingPoint { pump_speed, high_pressure, low_pressure, oil_temperature, displacement })
 }
 
-/// What law and reduced model expect.
+/// Expected part: leakage law and flow balance at the operating point.
 fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
-    let point = params.model.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
+    let point = params.context.model.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
     if let Some(direction) = params.region.outside(point) {
         return Err(Reason::OutsideRegion(direction));
     }
-    let kou = params.model.law.evaluate(point);
+    let kou = params.context.model.law.evaluate(point);
     if kou.get() <= 0.0 {
         return Err(Reason::LawNotPositive);
     }
@@ -183,33 +187,38 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
     }
     Ok(Expected {
         kou,
-        kou_se: params.model.law.standard_error(point),
+        kou_se: params.context.model.law.standard_error(point),
         ratio,
-        volumetric_efficiency: params.model.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.context.model.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }
 
-/// The measured ratio, with the sign of the displacement.
+/// Measured speed ratio, with the sign of the displacement.
 fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Result<Ratio, Reason> {
-    let judge = Judge { now: sample.time, max_age_us: params.limits.max_age_us };
+    let check = ReadingCheck { now: sample.time, max_age_us: params.limits.max_age_us };
     let ratio = match params.output {
         OutputSensor::Motor => {
             let limit = params.ranges.speed_max.get();
-            let n_m = judge.value(Channel::MotorSpeed, &sample.motor_speed, |n| n.get().abs() <= limit)?;
+            let n_m = check.value(Channel::MotorSpeed, &sample.motor_speed, |n| n.get().abs() <= limit)?;
             Ratio(n_m.get() / at.pump_speed.get())
         }
         OutputSensor::FlowMeter => {
             let limit = params.ranges.flow_max.get();
-            let flow = judge.value(Channel::Flow, &sample.flow, |q| q.get().abs() <= limit)?;
-            params.model.reduced.ratio_of_flow(at, flow)
+            let flow = check.value(Channel::Flow, &sample.flow, |q| q.get().abs() <= limit)?;
+            params.context.model.reduced.ratio_of_flow(at, flow)
         }
     };
     if ratio.get() * at.displacement.get() <= 0.0 { Err(Reason::RatioNotPositive) } else { Ok(ratio) }
 }
 
-/// What the measured ratio says.
-fn see(params: &Params, at: &OperatingPoint, balance: &Balance, ratio: Ratio) -> Result<Seen, Reason> {
+/// Observed part: leakage coefficient by the inverse of the flow balance.
+fn observe(
+    params: &Params,
+    at: &OperatingPoint,
+    balance: &Balance,
+    ratio: Ratio,
+) -> Result<Observed, Reason> {
     let kou = balance.kou(ratio);
     if kou.get() < 0.0 {
         return Err(Reason::RatioAboveLeakFree);
@@ -218,23 +227,23 @@ fn see(params: &Params, at: &OperatingPoint, balance: &Balance, ratio: Ratio) ->
         return Err(Reason::KouImplausible);
     }
     let kou_se: LeakageCoefficient =
-        kou_standard_error(&params.errors, &params.model.reduced, balance, at, ratio, kou);
+        kou_standard_error(&params.errors, &params.context.model.reduced, balance, at, ratio, kou);
     Ok(Observed {
         ratio,
         kou,
         kou_se,
-        volumetric_efficiency: params.model.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.context.model.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }
 
-/// Turns a reading into a value that may be used, or a reason.
-struct Judge {
+/// Validity check of readings: a usable value or a reason.
+struct ReadingCheck {
     now: Micros,
     max_age_us: u32,
 }
 
-impl Judge {
+impl ReadingCheck {
     #[inline(always)]
     fn value<U: Copy + Into<f32>>(
         &self,
@@ -253,7 +262,7 @@ impl Judge {
         Err(Reason::Sensor(channel, fault))
     }
 
-    /// As [`Self::value`], but a sensor that is not fitted is no fault.
+    /// As [`Self::value`], but `None` for a sensor that is not fitted.
     #[inline(always)]
     fn optional<U: Copy + Into<f32>>(
         &self,

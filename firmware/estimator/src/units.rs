@@ -1,8 +1,8 @@
-//! Unit types of the public boundary.
+//! Unit types of the public interface.
 //!
-//! Every quantity crosses the estimator's boundary in a type that names its unit; inside kernels bare `f32` with a
-//! unit suffix are used. Displacement per revolution and per radian are different types: a formula written for one
-//! cannot be fed the other. Pressures at interfaces are gauge; [`MegapascalAbs`] exists for the equations of state.
+//! Every quantity crosses the estimator's interface in a type that names its unit; numerical kernels use bare `f32`
+//! with a unit suffix. Displacement per revolution and per radian are different types, so that one cannot be passed for
+//! the other. Pressures are gauge; [`MegapascalAbs`] is for the equation of state only.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ macro_rules! unit {
             /// Symbol of the unit.
             pub const SYMBOL: &'static str = $symbol;
 
-            /// The bare number in this unit.
+            /// Numerical value in this unit.
             #[inline(always)]
             #[must_use]
             pub const fn get(self) -> f32 {

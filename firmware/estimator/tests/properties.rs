@@ -1,4 +1,5 @@
-//! Properties over random input: the inverse undoes the forward model; hostile input never gets through.
+//! Property tests over random input: the inverse model inverts the forward model; hostile input yields finite numbers
+//! or a reason.
 
 mod common;
 
@@ -10,7 +11,7 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use rand_core::Rng;
 
-/// A fixed seed, so that a run can be repeated bit for bit.
+/// Runner with a fixed seed, so that a run is reproducible bit for bit.
 fn runner(cases: u32) -> TestRunner {
     let config = Config { cases, failure_persistence: None, ..Config::default() };
     TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]))
@@ -35,20 +36,20 @@ fn operating_point(n: f32, p: f32, t: f32, alpha: f32) -> OperatingPoint {
     }
 }
 
-/// Envelope of the surrogate: 1000-2800 r/min, 10-50 MPa, 30-90 degC, |alpha| 0.3-1, Kou 0.0015-0.36.
+/// Envelope of the flow balance: 1000-2800 r/min, 10-50 MPa, 30-90 degC, |alpha| 0.3-1, Kou 0.0015-0.36.
 fn envelope() -> impl Strategy<Value = (f32, f32, f32, f32, f32)> {
     let alpha = prop_oneof![0.3_f32..=1.0, -1.0_f32..=-0.3];
     (1000.0_f32..=2800.0, 10.0_f32..=50.0, 30.0_f32..=90.0, alpha, 0.0015_f32..=0.36)
 }
 
 #[test]
-fn prop_inverse_undoes_forward_over_the_envelope() {
+fn prop_inverse_model_inverts_the_forward_model_over_the_envelope() {
     let model = reference_model();
     runner(200_000)
         .run(&envelope(), |(n, p, t, alpha, kou)| {
             let at = operating_point(n, p, t, alpha);
             let balance = model.balance(&at);
-            // The envelope ends where leakage takes a fifth of the flow: 0.2 of the leak-free ratio's magnitude.
+            // The envelope ends where leakage is a fifth of the flow: 0.2 of the leak-free ratio's magnitude.
             let leak_free = balance.ratio(LeakageCoefficient(0.0)).get().abs();
             let kou = kou.min(0.2 * leak_free * balance.kou_per_ratio());
             let ratio = balance.ratio(LeakageCoefficient(kou));
@@ -87,7 +88,7 @@ fn prop_reversed_displacement_mirrors_the_ratio() {
         .unwrap();
 }
 
-/// Any f32 at all: every bit pattern, with the special ones and plausible ones often.
+/// Any f32: every bit pattern, special and plausible values often.
 fn hostile(rng: &mut TestRng, scale: f32) -> f32 {
     match rng.next_u32() % 32 {
         0 => f32::from_bits(rng.next_u32()),
@@ -147,7 +148,7 @@ fn hostile_sample(rng: &mut TestRng, now: u64) -> Sample {
     }
 }
 
-/// Every number of a part that is marked valid.
+/// Every number of the valid parts of an estimate.
 fn numbers(estimate: &Estimate) -> Vec<f32> {
     let mut all = Vec::new();
     if let Ok(e) = estimate.expected {
@@ -179,7 +180,7 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
     let params = Params::new(&common::calibration()).unwrap();
     let mut state = State::new();
     let mut rng = rng();
-    let (mut both, mut refused) = (0_u32, std::collections::BTreeMap::new());
+    let (mut both, mut rejected) = (0_u32, std::collections::BTreeMap::new());
     for i in 0..1_000_000_u64 {
         let sample = hostile_sample(&mut rng, 1_000_000 + i * 1000);
         let estimate = step(&params, &mut state, &sample);
@@ -188,27 +189,27 @@ fn prop_a_million_hostile_samples_give_finite_numbers_or_a_reason() {
         }
         both += u32::from(estimate.expected.is_ok() && estimate.observed.is_ok());
         if let Err(reason) = estimate.observed {
-            *refused.entry(format!("{reason:?}")).or_insert(0_u32) += 1;
+            *rejected.entry(format!("{reason:?}")).or_insert(0_u32) += 1;
         }
     }
-    println!("valid {both}, refused {refused:?}");
-    // The test must exercise both sides: a good share valid, and nearly every reason met.
+    println!("valid {both}, rejected {rejected:?}");
+    // The test must exercise both sides: a good share valid, and nearly every reason.
     assert!(both > 10_000, "{both}");
-    assert!(refused.len() > 40, "{}", refused.len());
+    assert!(rejected.len() > 40, "{}", rejected.len());
 }
 
 #[test]
-fn prop_a_million_random_calibrations_are_refused_or_sound() {
+fn prop_a_million_random_calibrations_are_rejected_or_valid() {
     let good = common::calibration();
     let mut bytes = [0_u8; record::calibration::MAX_LEN];
     let length = record::calibration::encode(&good, &mut bytes).unwrap();
     let bytes = &bytes[..length];
     let mut rng = rng();
-    let (mut accepted, mut refused_record, mut refused_check) = (0_u32, 0_u32, 0_u32);
+    let (mut accepted, mut rejected_record, mut rejected_check) = (0_u32, 0_u32, 0_u32);
     let sample = common::sample(1_000_000);
     for i in 0..1_000_000_u32 {
         let mut candidate = bytes.to_vec();
-        // One to three changed bytes in the payload, mostly with a CRC made good again so that the checks are reached.
+        // One to three changed bits, mostly with the CRC recomputed so that the checks are reached.
         for _ in 0..=rng.next_u32() % 3 {
             let at = rng.next_u32() as usize % candidate.len();
             candidate[at] ^= 1 << (rng.next_u32() % 8);
@@ -222,12 +223,12 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
             candidate.truncate(rng.next_u32() as usize % (candidate.len() + 1));
         }
         let Ok(calibration) = record::calibration::decode(&candidate) else {
-            refused_record += 1;
+            rejected_record += 1;
             continue;
         };
         match Params::new(&calibration) {
             Err(error) => {
-                refused_check += 1;
+                rejected_check += 1;
                 assert!(!error.field.is_empty());
             }
             Ok(params) => {
@@ -238,12 +239,14 @@ fn prop_a_million_random_calibrations_are_refused_or_sound() {
             }
         }
     }
-    println!("accepted {accepted}, refused as a record {refused_record}, refused by a check {refused_check}");
-    assert!(accepted > 10_000 && refused_record > 10_000 && refused_check > 10_000);
+    println!(
+        "accepted {accepted}, rejected as a record {rejected_record}, rejected by a check {rejected_check}"
+    );
+    assert!(accepted > 10_000 && rejected_record > 10_000 && rejected_check > 10_000);
 }
 
 #[test]
-fn every_single_bit_flip_of_a_record_is_refused() {
+fn every_single_bit_flip_of_a_record_is_rejected() {
     let mut bytes = [0_u8; record::calibration::MAX_LEN];
     let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for bit in 0..length * 8 {
@@ -254,7 +257,7 @@ fn every_single_bit_flip_of_a_record_is_refused() {
 }
 
 #[test]
-fn every_truncation_of_a_record_is_refused() {
+fn every_truncation_of_a_record_is_rejected() {
     let mut bytes = [0_u8; record::calibration::MAX_LEN];
     let length = record::calibration::encode(&common::calibration(), &mut bytes).unwrap();
     for cut in 0..length {
@@ -299,14 +302,14 @@ fn each_reading_that_fails_gives_its_own_reason_and_recovers() {
     for fault in Fault::ALL {
         let estimate = run(&|s| s.pump_speed.value = Err(fault));
         assert_eq!(estimate.expected, Err(Reason::Sensor(Channel::PumpSpeed, fault)));
-        // Without the motor's speed the law still speaks.
+        // Without the motor's speed the expected part is still valid.
         let estimate = run(&|s| s.motor_speed.value = Err(fault));
         assert!(estimate.expected.is_ok());
         assert_eq!(estimate.observed, Err(Reason::Sensor(Channel::MotorSpeed, fault)));
         assert!(run(&|_| ()).wear_ratio().is_ok());
     }
-    type Change<'a> = &'a dyn Fn(&mut Sample);
-    let cases: [(Change<'_>, Reason); 9] = [
+    type Edit<'a> = &'a dyn Fn(&mut Sample);
+    let cases: [(Edit<'_>, Reason); 9] = [
         (
             &|s| s.high_pressure.value = Ok(Megapascal(f32::NAN)),
             Reason::Sensor(Channel::HighPressure, Fault::NotFinite),
@@ -330,11 +333,11 @@ fn each_reading_that_fails_gives_its_own_reason_and_recovers() {
         (&|s| s.motor_speed.value = Ok(RevPerMin(1990.0)), Reason::RatioAboveLeakFree),
     ];
     for (change, reason) in cases {
-        assert_eq!(run(change).seen, Err(reason));
+        assert_eq!(run(change).observed, Err(reason));
         assert!(run(&|_| ()).wear_ratio().is_ok(), "no recovery after {reason:?}");
     }
-    assert_eq!(run(&|s| s.motor_speed.value = Ok(RevPerMin(100.0))).seen, Err(Reason::KouImplausible));
-    assert_eq!(run(&|s| s.time = Micros(5)).seen, Err(Reason::TimeReversed));
+    assert_eq!(run(&|s| s.motor_speed.value = Ok(RevPerMin(100.0))).observed, Err(Reason::KouImplausible));
+    assert_eq!(run(&|s| s.time = Micros(5)).observed, Err(Reason::TimeReversed));
     assert!(matches!(
         run(&|s| s.oil_temperature.value = Ok(Celsius(128.0))).expected,
         Err(Reason::OutsideRegion(_))
@@ -342,7 +345,7 @@ fn each_reading_that_fails_gives_its_own_reason_and_recovers() {
 }
 
 #[test]
-fn swapping_the_parameters_loses_no_sample_and_changes_nothing_seen() {
+fn exchanging_the_parameters_loses_no_sample_and_leaves_the_observed_part_unchanged() {
     let first = Params::new(&common::calibration()).unwrap();
     let mut other = common::calibration();
     other.law.c += 0.01;
@@ -352,8 +355,8 @@ fn swapping_the_parameters_loses_no_sample_and_changes_nothing_seen() {
         let sample = common::sample(1_000_000 + i * 10_000);
         let one = step(&first, &mut a, &sample);
         let two = step(if i % 2 == 0 { &first } else { &other }, &mut b, &sample);
-        // What is learned depends on the law it is learned against; everything else does not.
+        // The health status depends on the law; everything else does not.
         assert_eq!((a.samples(), a.valid()), (b.samples(), b.valid()));
-        assert_eq!(one.seen, two.seen, "the law has no part in what is seen");
+        assert_eq!(one.observed, two.observed, "the observed part does not depend on the law");
     }
 }

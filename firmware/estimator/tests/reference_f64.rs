@@ -1,4 +1,4 @@
-//! The f32 kernels against an independent f64 reference: the table of compression, the forward model, the law.
+//! The f32 kernels against an independent f64 reference model: compression table, forward model, leakage law.
 
 mod common;
 
@@ -8,7 +8,7 @@ use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::model::oil_compression::OilConfig;
 use kou_estimator::units::*;
 
-/// Oils from stiff and air-free to soft and foamy: corners of what a calibration may hold.
+/// Oils from stiff and air-free to soft and foamy: corners of the admissible calibrations.
 const OILS: [Oil; 5] = [
     Oil { beta_mpa: 1314.0, air: 0.002, lambda: 1.4 },
     Oil { beta_mpa: 1800.0, air: 0.0, lambda: 1.4 },
@@ -35,7 +35,7 @@ fn compression_loss_agrees_with_quadrature_of_the_published_bulk_modulus() {
         for low in [0.0, 0.2, 0.9, 1.5, 3.0, 5.0] {
             for i in 0..200 {
                 let high = low + 1.0 + 55.0 * f64::from(i) / 199.0;
-                // The f64 reference must see the very pressures that f32 holds.
+                // The f64 reference is evaluated at the pressures as f32 represents them.
                 let (low, high) = (low as f32, high as f32);
                 let exact = oil.compression_loss(f64::from(low), f64::from(high));
                 let got = model.compression().compression_loss(
@@ -46,14 +46,14 @@ fn compression_loss_agrees_with_quadrature_of_the_published_bulk_modulus() {
                 let error = (f64::from(got) - exact).abs();
                 // Interpolation with six Chebyshev nodes over an octave: (3 - sqrt 8)^6 = 2.5e-5 of the air's share,
                 // with a factor of 2 for the constant; rounding: some ulp of 0.1. Below 1e-5 of volume even for a
-                // foam at atmospheric pressure, where the surrogate as a whole may err by 1e-4.
+                // foam at atmospheric pressure, where the flow balance itself may err by 1e-4.
                 let bound = 2e-7 + 5e-5 * oil.air;
                 assert!(error < bound, "{oil:?} {low} {high}: {got} against {exact}");
                 worst = worst.max(error);
             }
         }
     }
-    println!("worst error of the lost fraction {worst:.2e}");
+    println!("worst error of the compression loss {worst:.2e}");
 }
 
 #[test]
@@ -128,18 +128,19 @@ fn law_agrees_with_f64_to_ten_roundings() {
         }
     }
     println!("worst error of the law, relative to the sum of its terms' magnitudes: {worst:.2e}");
-    // Each of ten terms sees at most six roundings of 6e-8, most fewer.
+    // Each of ten terms undergoes at most six roundings of 6e-8, most fewer.
     assert!(worst < 6.0 * 6e-8, "{worst:.2e}");
 }
 
 #[test]
-fn softening_with_temperature_scales_the_oils_share_only() {
+fn softening_with_temperature_scales_the_contribution_of_the_oil_only() {
     let mut oil = config(OILS[0]);
     oil.bulk_modulus_per_k = -0.005;
     let soft = ReducedModel::new(&common::calibration().reduced, &oil).unwrap();
     let (low, high) = (Megapascal(1.5).to_absolute(), Megapascal(50.0).to_absolute());
     let got = f64::from(soft.compression().compression_loss(low, high, Celsius(90.0)).to_owned());
-    // Air's share ln((1+u_L)/(1+u_H)) is untouched; the oil's is divided by 1 - 0.005*30 = 0.85.
+    // The contribution of the air, ln((1+u_L)/(1+u_H)), is unchanged; that of the oil is divided by 1 - 0.005*30 =
+    // 0.85.
     let u = |p: f64| 0.002 * (0.101_325 / (p + 0.101_325)).powf(1.0 / 1.4);
     let air = ((1.0 + u(1.5)) / (1.0 + u(50.0))).ln();
     let total = -(1.0 - OILS[0].compression_loss(1.5, 50.0)).ln();

@@ -2,7 +2,9 @@
 
 use kou_estimator::Calibration;
 use kou_estimator::calibration::HealthConfig;
-use kou_estimator::calibration::{Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges};
+use kou_estimator::calibration::{
+    Limits, MachineConfig, OutputSensor, Provenance, SensorErrors, SensorRanges,
+};
 use kou_estimator::model::calibrated_region::RegionConfig;
 use kou_estimator::model::flow_balance::ReducedConfig;
 use kou_estimator::model::leakage_law::LawConfig;

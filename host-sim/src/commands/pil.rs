@@ -219,7 +219,7 @@ fn loop_text(report: &LoopReport) -> String {
         report.outputs,
         report.valid,
         report.missed_deadlines,
-        report.latest_us,
+        report.max_jitter_us,
         report.stack_bytes,
         report.outputs_crc32
     );

@@ -1,6 +1,6 @@
 //! Monte Carlo trials: many simulated drives of some hours each, and the estimator's results on them.
 
-use kou_estimator::health::{Cause, Causes, Health, DtcStatus};
+use kou_estimator::health::{Cause, Causes, DtcStatus, Health};
 use kou_estimator::{Estimate, Params, State, step};
 use rayon::prelude::*;
 use serde::Serialize;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use kou_pil::link::{EncodeError, CalibrationRejection};
+use kou_pil::link::{CalibrationRejection, EncodeError};
 
 /// Command that installs QEMU on Debian and its descendants.
 pub const INSTALL_QEMU: &str = "sudo apt-get install --no-install-recommends qemu-system-arm";
@@ -65,7 +65,7 @@ pub enum PilError {
     },
     /// The firmware rejected the calibration.
     #[error("the firmware rejected the calibration: {0}")]
-    CalibrationRejected(Refusal<String>),
+    CalibrationRejected(CalibrationRejection<String>),
     /// The firmware speaks another version of the link's protocol.
     #[error("the firmware speaks version {firmware} of the link's protocol, this program version {host}")]
     Version {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use kou_estimator::health::{Cause, GateClosed, Health, Severity, DtcStatus};
+use kou_estimator::health::{Cause, DtcStatus, GateClosed, Health, Severity};
 use kou_estimator::units::Micros;
 use kou_estimator::{Estimate, Params, State};
 use serde::Serialize;
@@ -114,7 +114,10 @@ impl HealthSummary {
             gate_closed: self.closed.clone(),
             at_rated_point: params.health().severity(health.level),
             level_per_h: state.health().slope().map(|s| pair(s.per_h, s.per_h_se)),
-            remaining_h: state.health().remaining_life(params.health()).map(|r| pair(r.hours, r.at_least_hours)),
+            remaining_h: state
+                .health()
+                .remaining_life(params.health())
+                .map(|r| pair(r.hours, r.at_least_hours)),
         }
     }
 }

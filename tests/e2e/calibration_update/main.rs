@@ -1,18 +1,18 @@
-//! Calibration update over CAN: what is taken, what is refused by name, and that nothing else gets through.
+//! Calibration update over CAN: acceptance, rejection with a reason, and protection against everything else.
 //!
-//! | module | what it proves |
+//! | module | subject |
 //! |---|---|
-//! | [`taken`] | good updates are taken, and what is kept is read back |
-//! | [`refused`] | each refusal has its name, is logged and changes nothing |
-//! | [`counter`] | the counter against replay, also where a record of it cannot be read |
-//! | [`bytes`] | commands, answers and the tag |
-//! | [`service`] | store and session with one owner |
+//! | [`accepted`] | accepted updates, and read-back of the stored record |
+//! | [`rejected`] | each reason of rejection: named, logged, without effect |
+//! | [`counter`] | replay counter, also where one of its records cannot be read |
+//! | [`bytes`] | encoding of commands and answers, authentication tag |
+//! | [`service`] | update service: owner of store and session |
 
+mod accepted;
 mod bytes;
 mod counter;
-mod refused;
+mod rejected;
 mod service;
-mod taken;
 
 use embassy_futures::block_on;
 use kou_app::calibration::CalibrationSource;
@@ -21,42 +21,27 @@ use kou_app::calibration::load;
 use kou_app::diagnostics::RejectReason;
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::storage::{MIN_BYTES, Store, StoredCalibration};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Key, KeySource, Outcome, Session, Todo, UpdateTransfer};
-use kou_emulation::RamFlash;
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{
+    Key, KeySource, SessionAction, SessionOutcome, UpdateGuard, UpdateSession, UpdateTransfer,
+};
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Params};
-use kou_tests::samples::Random;
-use kou_tests::{record_of, reference_calibration};
+use kou_tests::samples::SplitMix64;
+use kou_tests::{TestFlash, TestKey, record_of, reference_calibration};
 
 const TOOL: u8 = 0xF9;
 
-/// A key made for the test that uses it.
-struct TestKey(Key);
-
-impl TestKey {
-    fn new(seed: u64) -> Self {
-        let mut random = Random(seed);
-        Self(Key::new(std::array::from_fn(|_| random.bits() as u8)))
-    }
-}
-
-impl KeySource for TestKey {
-    fn update_key(&self) -> Option<Key> {
-        Some(self.0.clone())
-    }
-}
-
-/// Serial numbers are texts of their own type.
+/// The calibration of a machine with this serial number.
 fn with_serial(mut calibration: Calibration, serial: &str) -> Calibration {
     calibration.machine.serial = heapless::String::try_from(serial).unwrap();
     calibration
 }
 
-/// A controller with flash, live calibration and session, as the firmware's tasks put them together.
-struct Controller {
-    session: Session,
-    store: Store<RamFlash<{ MIN_BYTES as usize }, 2048>>,
+/// Flash, live calibration and update session, combined as in the firmware's tasks.
+struct UpdateBench {
+    session: UpdateSession,
+    store: Store<TestFlash>,
     faults: FaultMemory,
     keys: Box<dyn KeySource>,
     default: Vec<u8>,
@@ -67,12 +52,12 @@ struct Controller {
     now: Micros,
 }
 
-impl Controller {
+impl UpdateBench {
     fn new(keys: impl KeySource + 'static) -> Self {
         let default = record_of(&with_serial(reference_calibration(), ""));
-        let store = Store::new(RamFlash::new(), 0..MIN_BYTES).unwrap();
+        let store = Store::new(TestFlash::new(), 0..MIN_BYTES).unwrap();
         let mut controller = Self {
-            session: Session::new(),
+            session: UpdateSession::new(),
             store,
             faults: FaultMemory::new(),
             keys: Box::new(keys),
@@ -87,7 +72,7 @@ impl Controller {
         controller
     }
 
-    /// What a restart finds.
+    /// Loads the calibration as a restart does.
     fn start(&mut self) -> CalibrationSource {
         let loaded = block_on(load(&mut self.store, Some(&self.default), &mut None::<Params>));
         let live = loaded.live.unwrap();
@@ -95,20 +80,20 @@ impl Controller {
         live.state.source
     }
 
-    fn handle(&mut self, outcome: Outcome) -> Option<Answer> {
-        if let Some(refusal) = outcome.refused {
-            self.faults.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(1));
+    fn handle(&mut self, outcome: SessionOutcome) -> Option<UpdateAnswer> {
+        if let Some(reason) = outcome.rejected {
+            self.faults.record_event(FaultCode::UpdateRefused(reason), FreezeFrame::at(1));
         }
         let outcome = match outcome.todo {
             None => outcome,
-            Some(Todo::Store { counter }) => {
+            Some(SessionAction::Store { counter }) => {
                 let stored = StoredCalibration { counter, record: self.session.record() };
                 let written = block_on(self.store.write(&stored)).is_ok();
                 let outcome = self.session.stored(written);
                 self.start();
                 outcome
             }
-            Some(Todo::Fill(_)) => {
+            Some(SessionAction::Fill(_)) => {
                 let record = self.default.clone();
                 self.session.fill(self.now, |buffer| {
                     buffer.get_mut(..record.len())?.copy_from_slice(&record);
@@ -119,9 +104,9 @@ impl Controller {
         outcome.answer.map(|(_, answer)| answer)
     }
 
-    fn take(&mut self, tool: u8, command: [u8; 8]) -> Option<Answer> {
+    fn receive(&mut self, tool: u8, command: [u8; 8]) -> Option<UpdateAnswer> {
         self.now.0 += 1000;
-        let guard = Guard {
+        let guard = UpdateGuard {
             loaded: self.loaded,
             keys: &*self.keys,
             counter: self.counter,
@@ -131,11 +116,11 @@ impl Controller {
         self.handle(outcome)
     }
 
-    /// Sends commands until one is not answered well; the last answer.
-    fn send(&mut self, commands: impl IntoIterator<Item = Command>) -> Option<Answer> {
+    /// Sends commands until one is rejected or not answered; returns the last answer.
+    fn send(&mut self, commands: impl IntoIterator<Item = UpdateCommand>) -> Option<UpdateAnswer> {
         let mut last = None;
         for command in commands {
-            last = self.take(TOOL, command.to_bytes());
+            last = self.receive(TOOL, command.to_bytes());
             if matches!(last, Some(UpdateAnswer::Rejected { .. }) | None) {
                 break;
             }
@@ -143,24 +128,25 @@ impl Controller {
         last
     }
 
-    /// What must not change when something is refused: what is live, what is stored, and the counter.
-    fn unchanged(&mut self) -> (u32, u32, Option<MachineIdentity>) {
+    /// State that a rejected command must not change: counter, live and stored calibration.
+    fn snapshot(&mut self) -> (u32, u32, Option<MachineIdentity>) {
         self.start();
         (self.counter, self.crc, self.machine.clone())
     }
 
     #[track_caller]
-    fn refuses(&mut self, commands: impl IntoIterator<Item = Command>, why: RejectReason) {
-        let before = self.unchanged();
-        let occurred =
-            |faults: &FaultMemory| faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences);
+    fn assert_rejected(&mut self, commands: impl IntoIterator<Item = UpdateCommand>, why: RejectReason) {
+        let before = self.snapshot();
+        let occurred = |faults: &FaultMemory| {
+            faults.get(FaultCode::UpdateRefused(why)).map_or(0, |entry| entry.occurrences)
+        };
         let count = occurred(&self.faults);
         match self.send(commands) {
             Some(UpdateAnswer::Rejected { reason: found, .. }) => assert_eq!(found, why),
             other => panic!("{other:?} instead of {why:?}"),
         }
         assert_eq!(occurred(&self.faults), count + 1, "{why:?} is logged");
-        assert_eq!(self.unchanged(), before, "{why:?} changes nothing");
+        assert_eq!(self.snapshot(), before, "{why:?} changes nothing");
     }
 }
 
@@ -170,6 +156,6 @@ fn changed(by: f32) -> Calibration {
     calibration
 }
 
-fn transfer(record: &[u8], counter: u32, key: &TestKey) -> Transfer {
-    UpdateTransfer::new(record, counter, &key.0).unwrap()
+fn transfer(record: &[u8], counter: u32, key: &TestKey) -> UpdateTransfer {
+    UpdateTransfer::new(record, counter, key.key()).unwrap()
 }

@@ -1,33 +1,33 @@
-//! Everything that is ever sent, captured, and decoded by PyPI's cantools.
+//! Every message that is sent, captured and decoded by PyPI's cantools.
 
 use std::path::{Path, PathBuf};
-use std::process::Command as Program;
+use std::process;
 
 use kou_app::calibration::{CalibrationSource, CalibrationState};
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{DriveReadings, Frame, GLOBAL, Id, Node, Outputs, Pgn, Received};
-use kou_app::update::wire::{Answer, Command};
-use kou_app::update::{Guard, Session, UpdateTransfer};
+use kou_app::update::wire::{UpdateAnswer, UpdateCommand};
+use kou_app::update::{UpdateGuard, UpdateSession, UpdateTransfer};
 use kou_estimator::health::Health;
 use kou_estimator::units::Micros;
 use kou_estimator::{Channel, Fault, State, step};
-use kou_tests::samples::{Random, Samples};
+use kou_tests::samples::{HostileSamples, SplitMix64};
 use kou_tests::{record_of, reference_calibration, reference_params};
 use serde_json::{Map, Value, json};
 
 use super::meaning::{meaning, meant};
 use super::{ADDRESS, DRIVE, TOOL, key, ms, name, workspace};
 
-/// What one frame was meant to say: name of the message, and each signal's number, `null` where not available, or the
-/// name of its state.
-struct Capture {
+/// A candump log, and the intended content of each frame: name of the message and value of each signal (a number, `null`
+/// where not available, or the name of a state).
+struct BusCapture {
     log: String,
     meant: Vec<Value>,
 }
 
-impl Capture {
+impl BusCapture {
     fn add(&mut self, now: Micros, frame: &Frame, message: &Message, signals: Map<String, Value>) {
         let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
         let seconds = now.0 as f64 * 1e-6;
@@ -36,13 +36,13 @@ impl Capture {
     }
 }
 
-/// Twenty seconds on the bus, with everything that is ever sent.
-fn capture() -> (Capture, Value) {
+/// Twenty seconds on the bus, with every message that is sent.
+fn capture() -> (BusCapture, Value) {
     let params = reference_params();
     let mut state = State::new();
-    let mut samples = Samples::new(11);
-    let mut random = Random(5);
-    let mut capture = Capture { log: String::new(), meant: Vec::new() };
+    let mut samples = HostileSamples::new(11);
+    let mut random = SplitMix64(5);
+    let mut capture = BusCapture { log: String::new(), meant: Vec::new() };
     let mut node = Node::new(name(), ADDRESS);
     let mut faults = FaultMemory::new();
     let crc = 0xFEDC_BA98;
@@ -54,12 +54,12 @@ fn capture() -> (Capture, Value) {
         let sample = samples.next().unwrap();
         let estimate = step(&params, &mut state, &sample);
         let health: Health = estimate.health;
-        // Troubles come one by one and go again: single frames first, lists later.
+        // Diagnostic faults come one by one and go: single frames first, multi-packet lists later.
         match tick {
-            400 => faults.confirmed(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
-            800 => faults.confirmed(FaultCode::Wear, FreezeFrame::at(8)),
-            1000 => faults.confirmed(FaultCode::CalibrationLost, FreezeFrame::at(10)),
-            1500 => faults.healed(FaultCode::Wear),
+            400 => faults.confirm(FaultCode::Sensor(Channel::HighPressure, Fault::Open), FreezeFrame::at(4)),
+            800 => faults.confirm(FaultCode::Wear, FreezeFrame::at(8)),
+            1000 => faults.confirm(FaultCode::CalibrationLost, FreezeFrame::at(10)),
+            1500 => faults.heal(FaultCode::Wear),
             _ => {}
         }
         for (at, pgn) in [(300, c::DM2.pgn), (1700, c::DM2.pgn), (350, Pgn::new(65253)), (360, c::DM1.pgn)] {
@@ -74,7 +74,7 @@ fn capture() -> (Capture, Value) {
             estimate: &estimate,
             health: Some(&health),
             calibration: CalibrationState { source: CalibrationSource::Stored, crc },
-            troubles: faults.troubles(),
+            dtcs: faults.reports(),
         };
         while let Some(frame) = node.poll(now, &outputs) {
             let (message, signals) = meaning(&frame, &outputs, &mut counter);
@@ -91,7 +91,7 @@ fn capture() -> (Capture, Value) {
             }
             capture.add(now, &frame, message, signals);
         }
-        // The drive's own messages, as readings that the firmware will take.
+        // The drive's own messages, as readings that the firmware accepts.
         let mut drive = DriveReadings::new(None);
         let pressure = random.between(0.0, 60_000.0);
         let [n_p, n_m, t_b] =
@@ -105,8 +105,8 @@ fn capture() -> (Capture, Value) {
             values.iter().for_each(|(signal, value)| signal.put(&mut data, Ok(*value)));
             let frame = Frame::new(Id::new(message.priority, message.pgn, GLOBAL, DRIVE), data);
             assert!(drive.receive(now, &frame));
-            // What the firmware took from the frame, not what was put into it.
-            let taken = |signal: &Signal| {
+            // The value that the firmware decoded, not the one that was encoded.
+            let decoded = |signal: &Signal| {
                 json!(f64::from(match signal.spn {
                     Some(161) => drive.pump_speed(now).value.unwrap().get(),
                     Some(191) => drive.motor_speed(now, false).value.unwrap().get(),
@@ -114,7 +114,8 @@ fn capture() -> (Capture, Value) {
                     _ => drive.oil_temperature(now).value.unwrap().get(),
                 }))
             };
-            let signals = values.iter().map(|(signal, _)| (signal.name.to_owned(), taken(signal))).collect();
+            let signals =
+                values.iter().map(|(signal, _)| (signal.name.to_owned(), decoded(signal))).collect();
             capture.add(now, &frame, message, signals);
         }
     }
@@ -123,13 +124,13 @@ fn capture() -> (Capture, Value) {
     (capture, json!(lists))
 }
 
-/// A whole update and a refused command, with the answers.
-fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
+/// A complete update and a rejected command, with the answers.
+fn capture_update(capture: &mut BusCapture, node: &Node, begin: Micros) {
     let key = key();
     let record = record_of(&reference_calibration());
-    let transfer = UpdateTransfer::new(&record, 1, &key.0).unwrap();
-    let mut session = Session::new();
-    let guard = Guard { loaded: false, keys: &key, counter: 0, machine: None };
+    let transfer = UpdateTransfer::new(&record, 1, key.key()).unwrap();
+    let mut session = UpdateSession::new();
+    let guard = UpdateGuard { loaded: false, keys: &key, counter: 0, machine: None };
     let bytes = |first: (&str, &str), data: &[u8; 8]| {
         let mut signals = Map::new();
         signals.insert(first.0.to_owned(), json!(first.1));
@@ -138,17 +139,17 @@ fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
         }
         signals
     };
-    let commands = transfer.commands().chain([Command::Abort, Command::Next { number: 0 }]);
+    let commands = transfer.commands().chain([UpdateCommand::Abort, UpdateCommand::Next { number: 0 }]);
     for (number, command) in commands.enumerate() {
         let now = Micros(begin.0 + 1000 * number as u64);
         let data = command.to_bytes();
         let command_name = match command {
-            Command::Begin { .. } => "begin",
-            Command::Data { .. } => "data",
-            Command::Commit => "commit",
-            Command::Abort => "abort",
-            Command::Read { .. } => "read",
-            Command::Next { .. } => "next",
+            UpdateCommand::Begin { .. } => "begin",
+            UpdateCommand::Data { .. } => "data",
+            UpdateCommand::Commit => "commit",
+            UpdateCommand::Abort => "abort",
+            UpdateCommand::Read { .. } => "read",
+            UpdateCommand::Next { .. } => "next",
         };
         let frame = Frame::new(Id::new(7, c::UPDATE_COMMAND.pgn, ADDRESS, TOOL), data);
         capture.add(now, &frame, &c::UPDATE_COMMAND, bytes(("Command", command_name), &data));
@@ -172,11 +173,11 @@ fn capture_update(capture: &mut Capture, node: &Node, begin: Micros) {
     }
 }
 
-/// Python with cantools, as the set-up installs it; nothing where there is none.
+/// Python with cantools, as the set-up installs it.
 fn cantools() -> Option<PathBuf> {
     let python = workspace().join("target/cantools/bin/python");
-    let works = Program::new(&python).args(["-c", "import cantools"]).output();
-    works.is_ok_and(|output| output.status.success()).then_some(python)
+    let probe = process::Command::new(&python).args(["-c", "import cantools"]).output();
+    probe.is_ok_and(|output| output.status.success()).then_some(python)
 }
 
 #[test]
@@ -193,7 +194,7 @@ fn val_cantools_decodes_every_frame_to_what_the_firmware_meant() {
     std::fs::write(&meant, json!({ "frames": capture.meant, "lists": lists }).to_string()).unwrap();
     let dbc = workspace().join("firmware/app/kou.dbc");
     let script = workspace().join("tests/can/check_with_cantools.py");
-    let output = Program::new(python).arg(script).args([&dbc, &log, &meant]).output().unwrap();
+    let output = process::Command::new(python).arg(script).args([&dbc, &log, &meant]).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     println!("{text}");
     assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));

@@ -1,5 +1,4 @@
-//! The controller on the CAN bus: what hostile frames can do ([`hostile`]), and what an independent decoder makes of its
-//! own ([`capture`]).
+//! The controller on the CAN bus: hostile frames ([`hostile`]), and its own frames against an independent decoder ([`capture`]).
 
 mod capture;
 mod hostile;
@@ -7,12 +6,11 @@ mod meaning;
 
 use std::path::{Path, PathBuf};
 
-use kou_app::diagnostics::{FaultCode, Dtc};
+use kou_app::diagnostics::{Dtc, FaultCode};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::{Name, NameConfig};
-use kou_app::update::{Key, KeySource};
 use kou_estimator::units::Micros;
-use kou_tests::samples::Random;
+use kou_tests::TestKey;
 
 const ADDRESS: u8 = 0x27;
 const DRIVE: u8 = 0x03;
@@ -30,17 +28,8 @@ fn name() -> Name {
     Name::new(&identity()).unwrap()
 }
 
-struct TestKey(Key);
-
-impl KeySource for TestKey {
-    fn update_key(&self) -> Option<Key> {
-        Some(self.0.clone())
-    }
-}
-
 fn key() -> TestKey {
-    let mut random = Random(0xC0FFEE);
-    TestKey(Key::new(std::array::from_fn(|_| random.bits() as u8)))
+    TestKey::from_seed(0xC0FFEE)
 }
 
 fn workspace() -> PathBuf {
@@ -48,7 +37,7 @@ fn workspace() -> PathBuf {
 }
 
 #[test]
-fn every_trouble_code_group_and_refusal_is_documented() {
+fn every_dtc_message_and_reject_reason_is_documented() {
     let read = |name: &str| std::fs::read_to_string(workspace().join("docs").join(name)).unwrap();
     let (can, update) = (read("can.md"), read("calibration-update.md"));
     for code in FaultCode::all() {

@@ -1,6 +1,6 @@
 //! What a frame was meant to say, put together from what the firmware was given and not from the frame.
 
-use kou_app::diagnostics::{Dtc, Trouble};
+use kou_app::diagnostics::{Dtc, DtcReport};
 use kou_app::j1939::catalogue as c;
 use kou_app::j1939::signal::{Message, Signal};
 use kou_app::j1939::{Frame, Outputs};
@@ -61,7 +61,7 @@ fn sensor_of(reason: Option<Reason>) -> (Value, Value) {
     }
 }
 
-fn trouble_of(entry: Option<&Trouble>, lamp: bool) -> Map<String, Value> {
+fn trouble_of(entry: Option<&DtcReport>, lamp: bool) -> Map<String, Value> {
     let (Dtc { spn, fmi }, count) =
         entry.map_or((Dtc { spn: 0, fmi: 0 }, 0), |entry| (entry.dtc, entry.occurrences));
     let mut signals = meant([
@@ -165,10 +165,10 @@ pub fn meaning(
         (&c::STATUS, signals)
     } else if pgn == c::DM1.pgn || pgn == c::DM2.pgn {
         let is_dm1 = pgn == c::DM1.pgn;
-        let entries: Vec<&Trouble> =
-            outputs.troubles.all().iter().filter(|entry| entry.active == is_dm1).collect();
+        let entries: Vec<&DtcReport> =
+            outputs.dtcs.all().iter().filter(|entry| entry.active == is_dm1).collect();
         assert!(entries.len() <= 1);
-        let lamp = outputs.troubles.has_active();
+        let lamp = outputs.dtcs.has_active();
         (if is_dm1 { &c::DM1 } else { &c::DM2 }, trouble_of(entries.first().copied(), lamp))
     } else if pgn == c::ADDRESS_CLAIMED.pgn {
         let config = identity();

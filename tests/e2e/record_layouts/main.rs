@@ -6,22 +6,22 @@
 //! fails, raise the record's `SCHEMA`, think of `Record::migrate`, and run it with `KOU_NEW_LAYOUTS=1`, which writes the
 //! file of the new schema. A file that is there is never written over.
 
-mod shape;
+mod layout;
 
 use std::path::{Path, PathBuf};
 
 use kou_app::diagnostics::FaultMemory;
 use kou_app::storage::{CrashReport, HealthRecord, OperatingCounters, Record, UpdateCounter};
 use kou_estimator::{Calibration, State, record};
+use layout::RecordLayout;
 use serde::Deserialize;
-use shape::Shape;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data/layouts")
 }
 
-/// What is wrong, if anything.
-fn compare(name: &str, schema: u16, layout: &Shape) -> Option<String> {
+/// Compares a layout with the committed one; returns the difference, if any.
+fn compare(name: &str, schema: u16, layout: &RecordLayout) -> Option<String> {
     let path = folder().join(format!("{name}-{schema}.txt"));
     let text = layout.to_string();
     match std::fs::read_to_string(&path) {
@@ -43,7 +43,7 @@ fn compare(name: &str, schema: u16, layout: &Shape) -> Option<String> {
 macro_rules! of {
     ($record:ty) => {{
         let kind = <$record as Record<'_>>::KIND;
-        compare(kind.name(), <$record as Record<'_>>::SCHEMA, &shape::of::<$record>())
+        compare(kind.name(), <$record as Record<'_>>::SCHEMA, &layout::of::<$record>())
     }};
 }
 
@@ -55,60 +55,59 @@ fn every_record_has_the_layout_that_its_schema_says() {
         of!(OperatingCounters),
         of!(UpdateCounter),
         of!(CrashReport),
-        compare("calibration_record", record::calibration::SCHEMA, &shape::of::<Calibration>()),
-        compare("state_record", record::state::SCHEMA, &shape::of::<State>()),
+        compare("calibration_record", record::calibration::SCHEMA, &layout::of::<Calibration>()),
+        compare("state_record", record::state::SCHEMA, &layout::of::<State>()),
     ];
     let wrong: Vec<String> = wrong.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
-fn a_changed_layout_is_noticed() {
-    /// Hours, with a field more.
+fn a_changed_layout_is_detected() {
+    /// The record with one more field.
     #[derive(serde::Serialize, serde::Deserialize)]
-    struct Longer {
+    struct WithMoreFields {
         life: OperatingCounters,
         more: u8,
     }
-    let known = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<OperatingCounters>());
-    let changed = compare("life", <Life as Record<'_>>::SCHEMA, &shape::of::<Longer>());
+    let known =
+        compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &layout::of::<OperatingCounters>());
+    let changed = compare("life", <OperatingCounters as Record<'_>>::SCHEMA, &layout::of::<WithMoreFields>());
     assert!(known.is_none() && changed.is_some_and(|text| text.contains("raise its SCHEMA")));
 }
 
 #[test]
-#[expect(dead_code, reason = "types that are only taken apart")]
-fn a_variant_in_the_middle_of_an_enumeration_or_another_content_of_its_last_one_is_noticed() {
+#[expect(dead_code, reason = "types of which only the layout is used")]
+fn an_inserted_variant_and_a_changed_variant_field_are_detected() {
     #[derive(Deserialize)]
     enum Known {
         _One,
         _Two(u8),
         _Three { _at: u32 },
     }
-    mod wider {
-        #[derive(serde::Deserialize)]
-        pub enum Known {
-            _One,
-            _Between,
-            _Two(u8),
-            _Three { _at: u32 },
-        }
+    #[derive(Deserialize)]
+    #[serde(rename = "Known")]
+    enum WithVariantBetween {
+        _One,
+        _Between,
+        _Two(u8),
+        _Three { _at: u32 },
     }
-    mod other {
-        #[derive(serde::Deserialize)]
-        pub enum Known {
-            _One,
-            _Two(u8),
-            _Three { _at: u64 },
-        }
+    #[derive(Deserialize)]
+    #[serde(rename = "Known")]
+    enum WithWiderField {
+        _One,
+        _Two(u8),
+        _Three { _at: u64 },
     }
     #[derive(Deserialize)]
     struct Holder<T> {
         _first: T,
         _list: Vec<Option<T>>,
     }
-    let known = shape::of::<Holder<Known>>();
-    assert_ne!(known, shape::of::<Holder<wider::Known>>());
-    assert_ne!(known, shape::of::<Holder<other::Known>>());
+    let known = layout::of::<Holder<Known>>();
+    assert_ne!(known, layout::of::<Holder<WithVariantBetween>>());
+    assert_ne!(known, layout::of::<Holder<WithWiderField>>());
     let enumeration = |place: &str| {
         format!(
             "  {place}: one of Known\n    0 _One: nothing\n    1 _Two: u8\n    2 _Three: fields\n      _at: u32\n"

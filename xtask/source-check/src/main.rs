@@ -1,11 +1,12 @@
 //! Static checks of the workspace's sources: dependency arrows, import circles, type names and terms.
 //!
-//! Called by `cargo xtask arrows`, `names` and `terms`, and by `cargo xtask test`.
+//! Called by `cargo xtask arrows`, `docs` and `names`, and by `cargo xtask test`.
 
 mod arrows;
 mod docs;
 mod files;
 mod module_tree;
+mod names;
 mod packages;
 
 use std::process::ExitCode;
@@ -28,7 +29,8 @@ fn run(args: &[&str]) -> Result<ExitCode> {
     let (complaints, summary) = match args {
         ["arrows"] => arrows::check_workspace()?,
         ["docs"] => docs::check_workspace()?,
-        other => bail!("`{}` is none of `arrows`, `docs`", other.join(" ")),
+        ["names"] => names::check_workspace()?,
+        other => bail!("`{}` is none of `arrows`, `docs`, `names`", other.join(" ")),
     };
     for complaint in &complaints {
         eprintln!("error: {complaint}\n");

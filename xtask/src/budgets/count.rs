@@ -5,23 +5,23 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 
-use super::{Figure, figure};
-use crate::command::Run;
+use super::figure::{Figure, figure};
+use crate::command::CommandLine;
 use crate::setup::QEMU;
 
-/// One instruction takes 2^10 ns of the guest's time, and time stands still in between: the same count on every run.
-/// The counting firmware relies on exactly this.
+/// One instruction advances the guest's clock by 2^10 ns, and nothing else does: the same count on every run. The counting
+/// firmware relies on exactly this.
 const INSTRUCTION_CLOCK: &str = "shift=10,sleep=off";
-/// It takes a second; a loaded machine may need more.
-const LIMIT: Duration = Duration::from_secs(120);
+/// A run needs one second; a loaded machine may need more.
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Fewest samples that must have been valid, of a thousand, for the worst step to mean anything.
 const MIN_VALID_PER_MILLE: u64 = 300;
 
-/// A figure's key, what the firmware calls it, and what it is.
-type Named = (&'static str, &'static str, &'static str, &'static str);
+/// A figure's key, the firmware's name for it, its meaning and its unit.
+type CountedFigure = (&'static str, &'static str, &'static str, &'static str);
 
-/// Of the estimator built for speed.
+/// Counts of the estimator built for speed.
 pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
     read(
         elf,
@@ -54,7 +54,7 @@ pub fn figures(elf: &Path) -> Result<Vec<Figure>> {
     )
 }
 
-/// Of the estimator as the vehicle's board has it, whose firmware is built for size.
+/// Counts of the estimator built for size, as on the vehicle's board.
 pub fn vehicle_figures(elf: &Path) -> Result<Vec<Figure>> {
     read(
         elf,
@@ -75,26 +75,26 @@ pub fn vehicle_figures(elf: &Path) -> Result<Vec<Figure>> {
     )
 }
 
-/// Runs the counting firmware and reads what it prints.
-fn read(elf: &Path, named: &[Named]) -> Result<Vec<Figure>> {
-    let words = ["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"];
-    let output = Run::new(QEMU, &words)
+/// Runs the counting firmware and reads the lines that it prints.
+fn read(elf: &Path, wanted: &[CountedFigure]) -> Result<Vec<Figure>> {
+    let args = ["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"];
+    let output = CommandLine::new(QEMU, &args)
         .args(["-semihosting-config", "enable=on,target=native", "-icount", INSTRUCTION_CLOCK, "-kernel"])
         .args([elf])
-        .output_within(LIMIT)?;
-    let said = format!("{}{}", output.stdout, output.stderr);
-    ensure!(output.status.success(), "counting instructions failed ({}):\n{said}", output.status);
+        .output_within(TIMEOUT)?;
+    let printed = format!("{}{}", output.stdout, output.stderr);
+    ensure!(output.status.success(), "counting instructions failed ({}):\n{printed}", output.status);
     let value = |name: &str| -> Result<u64> {
         let mut lines = output.stdout.lines().filter_map(|line| line.split_once(' '));
-        let (_, value) = lines
-            .find(|(key, _)| *key == name)
-            .with_context(|| format!("the counting firmware did not print `{name}`. It said:\n{said}"))?;
+        let (_, value) = lines.find(|(key, _)| *key == name).with_context(|| {
+            format!("the counting firmware did not print `{name}`. It printed:\n{printed}")
+        })?;
         value.trim().parse().with_context(|| format!("`{name} {value}` is no number"))
     };
     let (samples, valid) = (value("samples")?, value("samples_valid")?);
     ensure!(
         valid * 1000 >= samples * MIN_VALID_PER_MILLE,
-        "only {valid} of {samples} samples were valid: the worst step would be that of a refusal"
+        "only {valid} of {samples} samples were valid: the worst step would be that of a rejected sample"
     );
-    named.iter().map(|(key, said, what, unit)| Ok(figure(key, what, unit, value(said)?))).collect()
+    wanted.iter().map(|(key, name, what, unit)| Ok(figure(key, what, unit, value(name)?))).collect()
 }

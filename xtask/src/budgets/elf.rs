@@ -1,4 +1,4 @@
-//! What a linked binary takes of flash and RAM, from its sections.
+//! Flash and RAM of a linked binary, from its sections.
 
 use std::path::Path;
 
@@ -6,36 +6,36 @@ use anyhow::{Context, Result};
 use object::elf::{SHF_ALLOC, SHF_EXECINSTR, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// Bytes by kind.
+/// Bytes by kind of section.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Sizes {
-    /// Code, with the constants that the compiler keeps beside it.
+pub struct SectionSizes {
+    /// Code, with the constants that the compiler places among it.
     pub text: u64,
     /// Constants and vector table.
     pub rodata: u64,
-    /// RAM with initial values, which also lie in flash.
+    /// RAM with initial values, which flash holds as well.
     pub data: u64,
-    /// RAM that starts as zero or without a value.
+    /// RAM that starts as zero or uninitialised.
     pub bss: u64,
 }
 
-impl Sizes {
-    /// What the flash holds.
+impl SectionSizes {
+    /// Flash.
     pub fn flash(&self) -> u64 {
         self.text + self.rodata + self.data
     }
 
-    /// Static RAM; the stack comes on top.
+    /// Static RAM, without the stack.
     pub fn ram(&self) -> u64 {
         self.data + self.bss
     }
 }
 
 /// Reads a binary's sections.
-pub fn sizes(path: &Path) -> Result<Sizes> {
+pub fn sizes(path: &Path) -> Result<SectionSizes> {
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     let file = object::File::parse(&*bytes).with_context(|| format!("reading {} as ELF", path.display()))?;
-    let mut sizes = Sizes::default();
+    let mut sizes = SectionSizes::default();
     for section in file.sections() {
         let SectionFlags::Elf { sh_flags } = section.flags() else { continue };
         let has = |flag: u32| sh_flags & u64::from(flag) != 0;

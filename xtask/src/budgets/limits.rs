@@ -3,29 +3,29 @@
 use anyhow::{Context, Result, bail};
 use toml::Table;
 
-use super::Figure;
+use super::figure::Figure;
 
-/// Where they stand.
+/// Path below the workspace's root.
 const FILE: &str = "xtask/limits.toml";
 const TEXT: &str = include_str!("../../limits.toml");
 
-/// Limits of the budgets and of the number of tests.
+/// BudgetLimits of the budgets and of the number of tests.
 #[derive(Debug)]
-pub struct Limits {
+pub struct BudgetLimits {
     budgets: Vec<(String, u64)>,
-    /// Fewest host and QEMU tests that a whole run must execute.
+    /// Fewest host and QEMU tests that a full run must execute.
     pub min_tests: u64,
 }
 
-impl Limits {
-    /// Reads them.
+impl BudgetLimits {
+    /// Reads the committed limits.
     pub fn load() -> Result<Self> {
         Self::parse(TEXT).with_context(|| format!("reading {FILE}"))
     }
 
     fn parse(text: &str) -> Result<Self> {
         let table: Table = text.parse()?;
-        let whole = |name: &str, value: &toml::Value| {
+        let unsigned = |name: &str, value: &toml::Value| {
             let number = value.as_integer().and_then(|value| u64::try_from(value).ok());
             number.with_context(|| format!("`{name}` must be a whole number, 0 or more"))
         };
@@ -36,9 +36,9 @@ impl Limits {
         Ok(Self {
             budgets: budgets
                 .iter()
-                .map(|(name, value)| Ok((name.clone(), whole(name, value)?)))
+                .map(|(name, value)| Ok((name.clone(), unsigned(name, value)?)))
                 .collect::<Result<_>>()?,
-            min_tests: whole("tests.min_executed", min_tests.context("there is no tests.min_executed")?)?,
+            min_tests: unsigned("tests.min_executed", min_tests.context("there is no tests.min_executed")?)?,
         })
     }
 
@@ -48,7 +48,7 @@ impl Limits {
     }
 
     /// Every figure above its limit or without one, and every limit without a figure.
-    pub fn judge(&self, figures: &[Figure]) -> Vec<String> {
+    pub fn compare(&self, figures: &[Figure]) -> Vec<String> {
         let mut complaints = Vec::new();
         for f in figures {
             match self.of(f.key) {
@@ -73,11 +73,11 @@ impl Limits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::budgets::figure;
+    use crate::budgets::figure::figure;
 
     #[test]
-    fn committed_limits_hold_what_the_project_promises() {
-        let limits = Limits::load().unwrap();
+    fn committed_limits_are_no_larger_than_the_project_promises() {
+        let limits = BudgetLimits::load().unwrap();
         for (key, promised) in [
             ("law_instructions", 40),
             ("law_forward_inverse_instructions", 300),
@@ -93,9 +93,10 @@ mod tests {
 
     #[test]
     fn above_without_and_unused_limits_are_complaints() {
-        let limits = Limits::parse("[budgets]\na = 10\nb = 5\nold = 1\n[tests]\nmin_executed = 3").unwrap();
+        let limits =
+            BudgetLimits::parse("[budgets]\na = 10\nb = 5\nold = 1\n[tests]\nmin_executed = 3").unwrap();
         let figures = [figure("a", "", "", 10), figure("b", "", "", 6), figure("new", "", "", 0)];
-        let complaints = limits.judge(&figures);
+        let complaints = limits.compare(&figures);
         assert_eq!(complaints.len(), 3, "{complaints:?}");
         assert!(complaints[0].contains("`b` is 6"));
         assert!(complaints[1].contains("`new`"));
@@ -103,8 +104,8 @@ mod tests {
     }
 
     #[test]
-    fn a_negative_limit_is_refused() {
-        let error = Limits::parse("[budgets]\na = -1\n[tests]\nmin_executed = 3").unwrap_err();
+    fn a_negative_limit_is_rejected() {
+        let error = BudgetLimits::parse("[budgets]\na = -1\n[tests]\nmin_executed = 3").unwrap_err();
         assert!(error.to_string().contains("`a` must be"), "{error}");
     }
 }

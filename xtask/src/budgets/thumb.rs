@@ -1,34 +1,34 @@
-//! Reads what matters for stack depth out of Thumb-2 machine code: how far the stack pointer goes down, and calls.
+//! Thumb-2 decoder for stack depth: movements of the stack pointer, calls and branches.
 //!
-//! Only the encodings that move the stack pointer or leave the function are told apart (Arm v7-M Architecture Reference
-//! Manual, chapter A7); everything else is skipped by its length. What could move the stack pointer by an amount that
-//! is not in the instruction is reported as such, so that a bound is never silently too small.
+//! Only the encodings that move the stack pointer or leave the function are distinguished (Arm v7-M Architecture Reference
+//! Manual, chapter A7); everything else is skipped by its length. An instruction that may move the stack pointer by an amount
+//! not encoded in it is reported as such, so that a bound is never silently too small.
 
-/// What one instruction does to stack and control flow.
+/// Effect of one instruction on stack and control flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Effect {
+pub enum StackEffect {
     /// Nothing of interest.
     None,
-    /// Takes that many bytes of stack.
-    Takes(u32),
+    /// Pushes that many bytes.
+    Pushes(u32),
     /// Moves the stack pointer by an amount not known here.
-    TakesUnknown,
+    PushesUnknown,
     /// Calls an address in the code.
     Calls(u32),
     /// Branches to an address in the code; out of the function, that is a tail call.
-    Goes(u32),
+    Branches(u32),
     /// Calls or jumps to an address held in a register.
-    GoesUnknown,
+    BranchesUnknown,
 }
 
 /// Length in bytes and effect of the instruction at `address`; nothing at the end of the code.
-pub fn decode(code: &[u8], address: u32) -> Option<(usize, Effect)> {
+pub fn decode(code: &[u8], address: u32) -> Option<(usize, StackEffect)> {
     let first = half(code, 0)?;
     if let Some(lost) = aligned(code) {
-        return Some((8, Effect::Takes(lost)));
+        return Some((8, StackEffect::Pushes(lost)));
     }
-    if gives_back(code) == Some(true) {
-        return Some((2, Effect::None));
+    if releases_stack(code) == Some(true) {
+        return Some((2, StackEffect::None));
     }
     // 0b11101, 0b11110 and 0b11111 begin an instruction of two halfwords.
     if first >> 11 < 0b11101 {
@@ -37,7 +37,7 @@ pub fn decode(code: &[u8], address: u32) -> Option<(usize, Effect)> {
     Some((4, wide(first, half(code, 2)?, address)))
 }
 
-/// Most that is lost where a function aligns its stack: MOV Rn, sp; BFC Rn, #0, #width; MOV sp, Rn.
+/// Largest loss where a function aligns its stack: MOV Rn, sp; BFC Rn, #0, #width; MOV sp, Rn.
 fn aligned(code: &[u8]) -> Option<u32> {
     let (copy, clear, bits, back) = (half(code, 0)?, half(code, 2)?, half(code, 4)?, half(code, 6)?);
     let register = copy & 0x7;
@@ -48,8 +48,8 @@ fn aligned(code: &[u8]) -> Option<u32> {
     is_it.then(|| (2 << (bits & 0x1f)) - 1)
 }
 
-/// Whether a function gives its stack back: MOV sp, Rn right before what was saved is taken from there (POP, POP.W or VPOP).
-fn gives_back(code: &[u8]) -> Option<bool> {
+/// True where a function releases its stack: MOV sp, Rn right before the saved registers are popped (POP, POP.W or VPOP).
+fn releases_stack(code: &[u8]) -> Option<bool> {
     let (back, next) = (half(code, 0)?, half(code, 2)?);
     let is_pop = next & 0xfe00 == 0xbc00 || next == 0xe8bd || next & 0xffbf == 0xecbd;
     Some(back & 0xff87 == 0x4685 && is_pop)
@@ -60,23 +60,23 @@ fn half(code: &[u8], at: usize) -> Option<u32> {
     Some(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)))
 }
 
-fn narrow(i: u32, address: u32) -> Effect {
-    let to = |offset: u32| Effect::Goes(address.wrapping_add(4).wrapping_add(offset));
+fn narrow(i: u32, address: u32) -> StackEffect {
+    let to = |offset: u32| StackEffect::Branches(address.wrapping_add(4).wrapping_add(offset));
     if i & 0xfe00 == 0xb400 {
         // PUSH {registers, lr}
-        Effect::Takes(4 * (i & 0x01ff).count_ones())
+        StackEffect::Pushes(4 * (i & 0x01ff).count_ones())
     } else if i & 0xff80 == 0xb080 {
         // SUB sp, #imm7*4
-        Effect::Takes(4 * (i & 0x7f))
+        StackEffect::Pushes(4 * (i & 0x7f))
     } else if i & 0xff87 == 0x4485 || (i & 0xff87 == 0x4685 && i & 0x78 != 0x38) {
-        // ADD sp, Rm; MOV sp, Rm, except from the frame pointer r7, which gives stack back.
-        Effect::TakesUnknown
+        // ADD sp, Rm; MOV sp, Rm, except from the frame pointer r7, which releases stack.
+        StackEffect::PushesUnknown
     } else if i & 0xff00 == 0x4700 {
         // BLX Rm calls; BX lr returns; BX of another register is a tail call.
-        if i & 0x80 == 0 && i & 0x78 == 0x70 { Effect::None } else { Effect::GoesUnknown }
+        if i & 0x80 == 0 && i & 0x78 == 0x70 { StackEffect::None } else { StackEffect::BranchesUnknown }
     } else if i & 0xff87 == 0x4687 && i & 0x78 != 0x70 {
         // MOV pc, Rm
-        Effect::GoesUnknown
+        StackEffect::BranchesUnknown
     } else if i & 0xf000 == 0xd000 && (i >> 8) & 0xf < 0xe {
         // B<cond>
         to(sign_extend(i & 0xff, 8) << 1)
@@ -84,12 +84,12 @@ fn narrow(i: u32, address: u32) -> Effect {
         // B
         to(sign_extend(i & 0x7ff, 11) << 1)
     } else {
-        Effect::None
+        StackEffect::None
     }
 }
 
-fn wide(i: u32, j: u32, address: u32) -> Effect {
-    let to = |offset: u32| Effect::Goes(address.wrapping_add(4).wrapping_add(offset));
+fn wide(i: u32, j: u32, address: u32) -> StackEffect {
+    let to = |offset: u32| StackEffect::Branches(address.wrapping_add(4).wrapping_add(offset));
     if i & 0xf800 == 0xf000 && j & 0x9000 == 0x9000 {
         // BL and B.W: the same offset.
         let s = (i >> 10) & 1;
@@ -97,7 +97,11 @@ fn wide(i: u32, j: u32, address: u32) -> Effect {
         let i2 = !((j >> 11) ^ s) & 1;
         let offset = (s << 24) | (i1 << 23) | (i2 << 22) | ((i & 0x3ff) << 12) | ((j & 0x7ff) << 1);
         let target = sign_extend(offset, 25);
-        if j & 0x4000 == 0 { to(target) } else { Effect::Calls(address.wrapping_add(4).wrapping_add(target)) }
+        if j & 0x4000 == 0 {
+            to(target)
+        } else {
+            StackEffect::Calls(address.wrapping_add(4).wrapping_add(target))
+        }
     } else if i & 0xf800 == 0xf000 && j & 0xd000 == 0x8000 && (i >> 6) & 0xf < 0xe {
         // B<cond>.W
         let s = (i >> 10) & 1;
@@ -106,30 +110,30 @@ fn wide(i: u32, j: u32, address: u32) -> Effect {
         to(sign_extend(offset, 21))
     } else if i == 0xe92d {
         // PUSH.W
-        Effect::Takes(4 * j.count_ones())
+        StackEffect::Pushes(4 * j.count_ones())
     } else if i == 0xf84d && j & 0x0f00 == 0x0d00 {
         // STR Rt, [sp, #-imm8]!
-        Effect::Takes(j & 0xff)
+        StackEffect::Pushes(j & 0xff)
     } else if i == 0xe96d {
         // STRD Rt, Rt2, [sp, #-imm8*4]!
-        Effect::Takes(4 * (j & 0xff))
+        StackEffect::Pushes(4 * (j & 0xff))
     } else if i & 0xffbf == 0xed2d {
         // VPUSH
-        Effect::Takes(4 * (j & 0xff))
+        StackEffect::Pushes(4 * (j & 0xff))
     } else if i & 0xfbef == 0xf1ad && j & 0x8f00 == 0x0d00 {
         // SUB.W sp, sp, #const
-        Effect::Takes(expand_constant(((i & 0x0400) << 1) | ((j & 0x7000) >> 4) | (j & 0xff)))
+        StackEffect::Pushes(expand_constant(((i & 0x0400) << 1) | ((j & 0x7000) >> 4) | (j & 0xff)))
     } else if i & 0xfbff == 0xf2ad && j & 0x8f00 == 0x0d00 {
         // SUBW sp, sp, #imm12
-        Effect::Takes(((i & 0x0400) << 1) | ((j & 0x7000) >> 4) | (j & 0xff))
+        StackEffect::Pushes(((i & 0x0400) << 1) | ((j & 0x7000) >> 4) | (j & 0xff))
     } else if (i & 0xffef == 0xebad || i & 0xffef == 0xeb0d) && j & 0x0f00 == 0x0d00 {
         // SUB.W, ADD.W sp, sp, Rm
-        Effect::TakesUnknown
+        StackEffect::PushesUnknown
     } else if (i & 0xff70 == 0xf850 && j & 0xf000 == 0xf000) && i & 0xf != 0xd {
         // LDR pc, [Rn]; from the stack it is a return.
-        Effect::GoesUnknown
+        StackEffect::BranchesUnknown
     } else {
-        Effect::None
+        StackEffect::None
     }
 }
 
@@ -154,7 +158,7 @@ mod tests {
     use super::*;
 
     /// Halfwords as a disassembler shows them.
-    fn effect(halves: &[u16], address: u32) -> Effect {
+    fn effect(halves: &[u16], address: u32) -> StackEffect {
         let code: Vec<u8> = halves.iter().flat_map(|half| half.to_le_bytes()).collect();
         let (length, effect) = decode(&code, address).unwrap();
         assert_eq!(length, code.len());
@@ -162,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn stack_taken_by_every_encoding() {
+    fn every_encoding_that_pushes_is_counted() {
         // The halfwords are those of LLVM's assembler for the instruction in the comment.
         for (halves, bytes) in [
             (&[0xb5f0][..], 20),                     // push {r4, r5, r6, r7, lr}
@@ -176,41 +180,41 @@ mod tests {
             (&[0xf1ad, 0x0d0c], 12),                 // sub.w sp, sp, #12
             (&[0x466c, 0xf36f, 0x0403, 0x46a5], 15), // mov r4, sp; bfc r4, #0, #4; mov sp, r4
         ] {
-            assert_eq!(effect(halves, 0), Effect::Takes(bytes), "{halves:x?}");
+            assert_eq!(effect(halves, 0), StackEffect::Pushes(bytes), "{halves:x?}");
         }
     }
 
     #[test]
-    fn stack_given_back_takes_nothing() {
+    fn releasing_stack_pushes_nothing() {
         // pop {r7, pc}; add sp, #8; mov sp, r7; sub.w sp, r7, #8; vpop {d8}; bx lr
         for halves in [&[0xbd80][..], &[0xb002], &[0x46bd], &[0xf1a7, 0x0d08], &[0xecbd, 0x8b02], &[0x4770]] {
-            assert_eq!(effect(halves, 0), Effect::None, "{halves:x?}");
+            assert_eq!(effect(halves, 0), StackEffect::None, "{halves:x?}");
         }
     }
 
     #[test]
-    fn stack_pointer_from_a_register_is_known_only_right_before_what_was_saved_is_taken_back() {
+    fn stack_pointer_from_a_register_is_known_only_right_before_a_pop() {
         let code = |halves: &[u16]| halves.iter().flat_map(|half| half.to_le_bytes()).collect::<Vec<u8>>();
         // mov sp, r4; pop.w {r8-r11}
-        assert_eq!(decode(&code(&[0x46a5, 0xe8bd, 0x0f00]), 0), Some((2, Effect::None)));
+        assert_eq!(decode(&code(&[0x46a5, 0xe8bd, 0x0f00]), 0), Some((2, StackEffect::None)));
         // mov sp, r4; nop
-        assert_eq!(decode(&code(&[0x46a5, 0xbf00]), 0), Some((2, Effect::TakesUnknown)));
+        assert_eq!(decode(&code(&[0x46a5, 0xbf00]), 0), Some((2, StackEffect::PushesUnknown)));
     }
 
     #[test]
     fn calls_and_branches_go_where_a_disassembler_says() {
-        assert_eq!(effect(&[0xf000, 0xf801], 0x100), Effect::Calls(0x106)); // bl +2
-        assert_eq!(effect(&[0xf7ff, 0xfffe], 0x4), Effect::Calls(0x4)); // bl to itself
-        assert_eq!(effect(&[0xf7ff, 0xbffe], 0x40), Effect::Goes(0x40)); // b.w to itself
-        assert_eq!(effect(&[0xe7fe], 0x40), Effect::Goes(0x40)); // b to itself
-        assert_eq!(effect(&[0xd83a], 0x1baa), Effect::Goes(0x1c22)); // bhi
+        assert_eq!(effect(&[0xf000, 0xf801], 0x100), StackEffect::Calls(0x106)); // bl +2
+        assert_eq!(effect(&[0xf7ff, 0xfffe], 0x4), StackEffect::Calls(0x4)); // bl to itself
+        assert_eq!(effect(&[0xf7ff, 0xbffe], 0x40), StackEffect::Branches(0x40)); // b.w to itself
+        assert_eq!(effect(&[0xe7fe], 0x40), StackEffect::Branches(0x40)); // b to itself
+        assert_eq!(effect(&[0xd83a], 0x1baa), StackEffect::Branches(0x1c22)); // bhi
     }
 
     #[test]
-    fn what_cannot_be_bounded_is_said() {
-        assert_eq!(effect(&[0x4798], 0), Effect::GoesUnknown); // blx r3
-        assert_eq!(effect(&[0x4718], 0), Effect::GoesUnknown); // bx r3
-        assert_eq!(effect(&[0xebad, 0x0d03], 0), Effect::TakesUnknown); // sub.w sp, sp, r3
-        assert_eq!(effect(&[0x44ad], 0), Effect::TakesUnknown); // add sp, r5
+    fn what_has_no_bound_is_reported() {
+        assert_eq!(effect(&[0x4798], 0), StackEffect::BranchesUnknown); // blx r3
+        assert_eq!(effect(&[0x4718], 0), StackEffect::BranchesUnknown); // bx r3
+        assert_eq!(effect(&[0xebad, 0x0d03], 0), StackEffect::PushesUnknown); // sub.w sp, sp, r3
+        assert_eq!(effect(&[0x44ad], 0), StackEffect::PushesUnknown); // add sp, r5
     }
 }

@@ -1,6 +1,6 @@
-//! Which calibration is live after a start: the stored one when it is whole, readable and passes every check; the default,
-//! which the firmware was built or provisioned with, when not. A stored calibration that fails is a trouble, never silently
-//! replaced.
+//! Selection of the active calibration at start: the stored record when it is intact, readable and passes every
+//! check, else the default that the firmware was built or provisioned with. A stored calibration that fails is
+//! reported as a fault, never silently replaced.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::Params;
@@ -9,15 +9,15 @@ use kou_estimator::calibration::{Calibration, MachineConfig};
 use kou_estimator::record;
 
 use super::identity::{CalibrationSource, CalibrationState, MachineIdentity};
-use crate::diagnostics::{Code, RejectReason};
+use crate::diagnostics::{FaultCode, RejectReason};
 use crate::storage::{Store, StoreError, StoredCalibration, UpdateCounter};
 
-/// Where parameters are made: they are too large to be handed from one function to the next.
+/// Storage for parameters, which are too large to be passed by value between functions.
 pub trait ParamsSlot {
-    /// Makes the parameters of a calibration here, in the place of what was here before.
+    /// Builds the parameters of a calibration in this slot, replacing its previous content.
     ///
     /// # Errors
-    /// As [`Params::new`]; then nothing is here.
+    /// Those of [`Params::new`]; the slot is then empty.
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError>;
 }
 
@@ -27,53 +27,53 @@ impl ParamsSlot for Option<Params> {
     }
 }
 
-/// A calibration in use; its parameters lie in the [`ParamsSlot`] that was given.
+/// Calibration in use; its parameters are in the [`ParamsSlot`] given to [`load`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveCalibration {
-    /// Where it comes from, and its CRC.
+    /// Source and checksum.
     pub state: CalibrationState,
-    /// The machine that it is for; updates must be for the same.
+    /// Machine that it is valid for; updates must be for the same machine.
     pub machine: MachineIdentity,
 }
 
-/// What a start found.
+/// Result of the selection at start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadedCalibration {
-    /// The calibration to use; nothing when there is no good one at all.
+    /// Calibration to use; `None` when no valid one exists.
     pub live: Option<LiveCalibration>,
-    /// Counter of the last accepted update. Where neither record of it can be read it is the largest there is: no update is
-    /// taken then, because any could be an old one, until the workshop erases the storage.
+    /// Counter of the last accepted update. The maximum when neither record of it can be read: every update is then
+    /// rejected as a possible replay until the workshop erases the storage.
     pub counter: u32,
-    /// The trouble to be reported, if any.
-    pub trouble: Option<Code>,
+    /// Fault to report, if any.
+    pub fault: Option<FaultCode>,
 }
 
-/// The last four bytes of a record: its CRC-32.
+/// CRC-32 of a record: its last four bytes.
 pub(crate) fn crc_of(record: &[u8]) -> u32 {
     record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc))
 }
 
-/// The machine of a record that passes every check.
+/// Machine of a record that passes every check.
 ///
 /// # Errors
 /// [`RejectReason::Record`] or [`RejectReason::Field`].
-pub(crate) fn checked(bytes: &[u8]) -> Result<MachineIdentity, RejectReason> {
-    prepared(bytes, None)
+pub(crate) fn check_record(bytes: &[u8]) -> Result<MachineIdentity, RejectReason> {
+    prepare(bytes, None)
 }
 
-/// The same; and the parameters are made in the place, where there is one.
-// Not inlined: what it works with is large and would live in a task's memory for good. And the one place that
-// reads records, so that the code for that is there once.
+/// Checks a record and, given a slot, builds its parameters there.
+// Not inlined: its temporaries would otherwise occupy the task's memory permanently. It is also the only caller of
+// the decoder, so that the decoder's code exists once.
 #[inline(never)]
-fn prepared(bytes: &[u8], place: Option<&mut dyn ParamsSlot>) -> Result<MachineIdentity, RejectReason> {
-    // By reference, since every copy of it is half a kilobyte.
-    let decoded = decoded(bytes);
+fn prepare(bytes: &[u8], slot: Option<&mut dyn ParamsSlot>) -> Result<MachineIdentity, RejectReason> {
+    // By reference: a copy of a calibration is half a kilobyte.
+    let decoded = decode(bytes);
     let calibration = match &decoded {
         Ok(calibration) => calibration,
-        Err(refusal) => return Err(*refusal),
+        Err(reason) => return Err(*reason),
     };
-    let made = match place {
-        Some(place) => place.make(calibration),
+    let made = match slot {
+        Some(slot) => slot.make(calibration),
         None => Params::check(calibration),
     };
     made.map_err(|_| RejectReason::Field)?;
@@ -81,67 +81,67 @@ fn prepared(bytes: &[u8], place: Option<&mut dyn ParamsSlot>) -> Result<MachineI
     Ok(MachineIdentity { name: name.clone(), serial: serial.clone() })
 }
 
-// Not inlined: what it takes would lie on the stack beside the parameters.
+// Not inlined: its temporaries would add to the stack of the parameters' construction.
 #[inline(never)]
-fn decoded(bytes: &[u8]) -> Result<Calibration, RejectReason> {
+fn decode(bytes: &[u8]) -> Result<Calibration, RejectReason> {
     record::calibration::decode(bytes).map_err(|_| RejectReason::Record)
 }
 
-fn live(bytes: &[u8], source: CalibrationSource, place: &mut dyn ParamsSlot) -> Option<LiveCalibration> {
-    let machine = prepared(bytes, Some(place)).ok()?;
+fn live(bytes: &[u8], source: CalibrationSource, slot: &mut dyn ParamsSlot) -> Option<LiveCalibration> {
+    let machine = prepare(bytes, Some(slot)).ok()?;
     Some(LiveCalibration { state: CalibrationState { source, crc: crc_of(bytes) }, machine })
 }
 
 impl LiveCalibration {
-    /// The calibration of a record that was just stored, its parameters in `place`; nothing when it is not one that passes every
-    /// check.
+    /// Calibration of a record that was just stored, with its parameters in `slot`; `None` when it fails a check.
     #[must_use]
-    pub fn stored(record: &[u8], place: &mut dyn ParamsSlot) -> Option<Self> {
-        live(record, CalibrationSource::Stored, place)
+    pub fn stored(record: &[u8], slot: &mut dyn ParamsSlot) -> Option<Self> {
+        live(record, CalibrationSource::Stored, slot)
     }
 }
 
-/// Reads the stored calibration, or falls back to the `default` record. The parameters of what is to be used are made in `place`.
+/// Reads the stored calibration, or falls back to the `default` record; builds the parameters of the selected one in
+/// `slot`.
 pub async fn load<F: NorFlash>(
     store: &mut Store<F>,
     default: Option<&[u8]>,
-    place: &mut dyn ParamsSlot,
+    slot: &mut dyn ParamsSlot,
 ) -> LoadedCalibration {
-    let alone = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
+    let stored_counter = store.read::<UpdateCounter>().await.map(|read| read.map(|read| read.counter));
     let stored = store.read::<StoredCalibration<'_>>().await;
-    choose(stored, alone, default, place)
+    select(stored, stored_counter, default, slot)
 }
 
 #[inline(never)]
-fn choose(
+fn select(
     stored: Result<Option<StoredCalibration<'_>>, StoreError>,
-    alone: Result<Option<u32>, StoreError>,
+    stored_counter: Result<Option<u32>, StoreError>,
     default: Option<&[u8]>,
-    place: &mut dyn ParamsSlot,
+    slot: &mut dyn ParamsSlot,
 ) -> LoadedCalibration {
-    let mut trouble = None;
-    let known = alone.ok().flatten();
-    // What is stored, if it is anything; an empty record says that the default is to be used.
+    let mut fault = None;
+    let known = stored_counter.ok().flatten();
+    // An empty stored record selects the default.
     let (counter, record) = match stored {
         Ok(None) => (known.unwrap_or(0), &[][..]),
         Ok(Some(StoredCalibration { counter, record })) => (counter.max(known.unwrap_or(0)), record),
         Err(error) => {
-            trouble = Some(match error {
+            fault = Some(match error {
                 StoreError::Schema { .. } | StoreError::Body(_) => FaultCode::CalibrationLost,
                 _ => FaultCode::StorageFailed,
             });
             (known.unwrap_or(u32::MAX), &[][..])
         }
     };
-    let mut found = None;
+    let mut selected = None;
     if !record.is_empty() {
-        found = live(record, CalibrationSource::Stored, place);
-        if found.is_none() {
-            trouble = Some(FaultCode::CalibrationLost);
+        selected = live(record, CalibrationSource::Stored, slot);
+        if selected.is_none() {
+            fault = Some(FaultCode::CalibrationLost);
         }
     }
-    if found.is_none() {
-        found = default.and_then(|bytes| live(bytes, CalibrationSource::Default, place));
+    if selected.is_none() {
+        selected = default.and_then(|bytes| live(bytes, CalibrationSource::Default, slot));
     }
-    LoadedCalibration { live: found, counter, trouble }
+    LoadedCalibration { live: selected, counter, fault }
 }

@@ -2,49 +2,49 @@
 
 use heapless::String;
 
-/// Where the calibration in use comes from.
+/// Source of the calibration in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CalibrationSource {
-    /// There is none: nothing is estimated.
+    /// No calibration; nothing is estimated.
     #[default]
     None,
-    /// The one that the firmware was built with.
+    /// Default that the firmware was built or provisioned with.
     Default,
-    /// The one in flash.
+    /// Record stored in flash.
     Stored,
 }
 
-/// The calibration in use.
+/// Source and checksum of the calibration in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CalibrationState {
-    /// Where it comes from.
+    /// Source.
     pub source: CalibrationSource,
-    /// CRC-32 at the end of its record; 0 without one.
+    /// CRC-32 at the end of its record; 0 without a calibration.
     pub crc: u32,
 }
 
 impl CalibrationState {
-    /// No calibration is in use.
+    /// No calibration in use.
     pub const NONE: Self = Self { source: CalibrationSource::None, crc: 0 };
 }
 
-/// Which machine a calibration is for.
+/// Machine that a calibration is valid for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MachineIdentity {
-    /// Type of machine.
+    /// Machine type.
     pub name: String<48>,
-    /// Serial number; empty where the calibration is for the type.
+    /// Serial number; empty for a calibration of the type.
     pub serial: String<32>,
 }
 
 impl MachineIdentity {
-    /// Whether a calibration for `other` may take the place of one for this machine: of the same type, and of the same
-    /// serial number where this one has one. So a controller that was delivered with its type's calibration takes
-    /// one of any machine of the type, once; from then on it belongs to that machine.
+    /// Whether a calibration for `other` may replace one for this machine: same type, and same serial number where
+    /// this one has one. A controller delivered with its type's calibration therefore accepts that of any machine of
+    /// the type once, and is bound to that machine afterwards.
     #[must_use]
-    pub fn takes(&self, other: &Self) -> bool {
+    pub fn accepts(&self, other: &Self) -> bool {
         self.name == other.name && (self.serial.is_empty() || self.serial == other.serial)
     }
 }

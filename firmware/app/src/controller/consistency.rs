@@ -1,100 +1,110 @@
-//! What may be told of an estimate while it is open whether a sensor or the machine has changed.
+//! Consistency check between the observed leakage and the learned leakage level.
 //!
-//! An in-range offset or a slow drift of one sensor looks like leakage as long as nothing else measures the same. What the drive has
-//! learned of its leakage contradicts it: leakage changes by wear, that is slowly. So the coefficient seen is compared with the level
-//! learned times the law:
+//! An in-range offset or slow drift of one sensor looks like leakage as long as no other sensor measures the same
+//! quantity. The learned level contradicts it, because wear changes leakage slowly. The observed coefficient is
+//! therefore compared with the learned level times the calibrated law:
 //!
 //! ```text
-//! g   = |Kou_seen - level Kou_law|
-//! s'  = sqrt(s^2 + (g - s_seen)^2)    where g > s_seen + 2 s_level Kou_law, else s
+//! g  = |Kou_observed - level Kou_law|
+//! s' = sqrt(s^2 + (g - s_observed)^2)    where g > s_observed + 2 s_level Kou_law, else s
 //! ```
 //!
-//! Either what is seen is right and the machine has changed, or what was learned is right and a sensor has: they lie `g` apart,
-//! which is at most 1.4 of the standard errors told. Health goes on learning and follows the wrong sensor, too, so what was learned before stands
-//! from the first contradiction on. It is an open question once contradictions have lasted for [`OPENS`], or health reports a change.
+//! Either the observation is right and the machine has changed, or the learned level is right and a sensor has
+//! changed. The two explanations are `g` apart, which is at most 1.4 of the reported standard errors. Health
+//! continues to learn and follows a faulty sensor, so the level learned before the first contradiction is the
+//! reference. A discrepancy is open once contradictions have lasted for [`OPEN_COUNT`] estimates, or health reports a
+//! change.
 //!
-//! * Only leakage explains it (health confirms wear): what is seen is right, and the question is closed.
-//! * Only a sensor, the displacement or the oil does: the estimate is invalid, [`Reason::SensorSuspected`], until for
-//!   [`AGREES`] what is seen has been as before.
-//! * What is seen and what health has learned are both as before for [`CLOSES`]: closed.
+//! * Only leakage explains it (health confirms wear): the observation is right, and the discrepancy is closed.
+//! * Only a sensor, the displacement or the oil explains it: the estimate is invalid, [`Reason::SensorSuspected`],
+//!   until the observation has agreed with the reference for [`RECOVER_COUNT`] estimates.
+//! * Observation and learned level both agree with the reference for [`CLOSE_COUNT`] estimates: closed.
 //!
-//! Limits: before the level is learned, some minute of steady drive, its standard error is 0.3 and next to nothing contradicts it.
-//! What changes more slowly than health's drift watch can tell from wear is wear to it.
+//! Limits: before the level is learned, about a minute of steady drive, its standard error is 0.3 and almost nothing
+//! contradicts it. A change slower than the drift detector of health can distinguish from wear is treated as wear.
 
-use kou_estimator::health::{LevelChange, Health, DtcStatus};
+use kou_estimator::health::{DtcStatus, Health, LevelChange};
 use kou_estimator::units::LeakageCoefficient;
-use kou_estimator::{Estimate, Expected, Reason, Observed};
+use kou_estimator::{Estimate, Expected, Observed, Reason};
 
-/// Standard errors of the level that are no contradiction yet.
+/// Standard errors of the level within which an observation does not contradict it.
 const LEVEL_SIGMAS: f32 = 2.0;
 
-/// Estimates, one each 10 ms, that contradict before there is a question: 5 s.
-const OPENS: u16 = 500;
-/// How many estimates that do not contradict one that does outweighs: a manoeuvre contradicts for a moment, too.
-const OUTWEIGHS: u16 = 4;
-/// Estimates that do not, after which a suspected sensor is used again: 5 s.
-const AGREES: u16 = 500;
-/// Estimates that do not, after which the question is closed: a minute.
-const CLOSES: u16 = 6000;
+/// Contradicting estimates, one per 10 ms, that open a discrepancy: 5 s.
+const OPEN_COUNT: u16 = 500;
+/// Agreeing estimates that one contradicting estimate cancels; a manoeuvre contradicts for a moment.
+const AGREEMENT_WEIGHT: u16 = 4;
+/// Agreeing estimates after which a suspected sensor is used again: 5 s.
+const RECOVER_COUNT: u16 = 500;
+/// Agreeing estimates after which the discrepancy is closed: one minute.
+const CLOSE_COUNT: u16 = 6000;
 
-/// A level of leakage over the law's, as learned.
+/// Learned leakage level relative to the law, with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Learned {
     level: f32,
     level_se: f32,
 }
 
-/// What was learned before it was contradicted, and for how long it has been.
+/// Consistency check: reference level and counters of contradiction and agreement.
+#[doc(alias = "parity check")]
+#[doc(alias = "residual")]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trust {
-    /// Learned; stands still as long as there are contradictions.
+pub struct ConsistencyCheck {
+    /// Reference level; frozen while there are contradictions.
     learned: Learned,
     is_open: bool,
-    /// Contradictions, less estimates without, since the last time that there were none.
+    /// Contradicting minus agreeing estimates since the last time that the difference was zero.
     contradicted: u16,
-    /// Estimates without, less [`OUTWEIGHS`] times those with.
+    /// Agreeing estimates minus [`AGREEMENT_WEIGHT`] times the contradicting ones.
     agreed: u16,
     changes: u16,
 }
 
-impl Trust {
+impl ConsistencyCheck {
     /// Nothing learned.
     #[must_use]
     pub const fn new() -> Self {
-        Self { learned: learned(&Health::new()), is_open: false, contradicted: 0, agreed: AGREES, changes: 0 }
+        Self {
+            learned: learned(&Health::new()),
+            is_open: false,
+            contradicted: 0,
+            agreed: RECOVER_COUNT,
+            changes: 0,
+        }
     }
 
-    /// The estimate as it may be told; `last_change` is the last one that health has reported.
+    /// Checks an estimate and widens or invalidates it; `last_change` is the last change reported by health.
     #[must_use]
-    pub fn judge(&mut self, last_change: Option<LevelChange>, estimate: Estimate) -> Estimate {
+    pub fn apply(&mut self, last_change: Option<LevelChange>, estimate: Estimate) -> Estimate {
         self.follow(&estimate.health, last_change);
         let (Ok(expected), Ok(seen)) = (estimate.expected, estimate.observed) else { return estimate };
         let law = expected.kou.get();
-        let apart = (seen.kou.get() - self.learned.level * law).abs();
-        let excess = apart - seen.kou_se.get();
+        let discrepancy = (seen.kou.get() - self.learned.level * law).abs();
+        let excess = discrepancy - seen.kou_se.get();
         let contradicts = excess > LEVEL_SIGMAS * self.learned.level_se * law;
         self.count(contradicts);
-        if estimate.health.sensor == DtcStatus::Confirmed && self.agreed < AGREES {
+        if estimate.health.sensor == DtcStatus::Confirmed && self.agreed < RECOVER_COUNT {
             let suspected = Reason::SensorSuspected;
             return Estimate { expected: Err(suspected), observed: Err(suspected), ..estimate };
         }
         if !contradicts {
             return estimate;
         }
-        // The wrong sensor may be one that the law takes, too.
+        // The faulty sensor may be an input of the law as well.
         Estimate {
-            expected: Ok(Expected { kou_se: joined(expected.kou_se, excess), ..expected }),
-            observed: Ok(Observed { kou_se: joined(seen.kou_se, excess), ..seen }),
+            expected: Ok(Expected { kou_se: widen(expected.kou_se, excess), ..expected }),
+            observed: Ok(Observed { kou_se: widen(seen.kou_se, excess), ..seen }),
             ..estimate
         }
     }
 
-    /// Opens and closes the question by what health says, and takes over what it has learned while there is none.
+    /// Opens or closes the discrepancy by the results of health, and updates the reference level while none is open.
     fn follow(&mut self, health: &Health, last_change: Option<LevelChange>) {
         if let (true, Some(change), false) = (health.changes != self.changes, last_change, self.is_open) {
             self.is_open = true;
             if self.contradicted == 0 {
-                // After a restart nothing was learned before it but by health.
+                // After a restart only health knows the level before the change.
                 let level_se = self.learned.level_se.min(health.level_se.get());
                 self.learned = Learned { level: change.from.get(), level_se };
             }
@@ -103,7 +113,7 @@ impl Trust {
         let now = learned(health);
         let is_as_before = (now.level - self.learned.level).abs() <= LEVEL_SIGMAS * now.level_se;
         let is_wear = health.wear == DtcStatus::Confirmed && health.causes.only_leakage();
-        if is_wear || (is_as_before && self.agreed >= CLOSES) {
+        if is_wear || (is_as_before && self.agreed >= CLOSE_COUNT) {
             self.is_open = false;
             self.contradicted = 0;
         }
@@ -114,12 +124,12 @@ impl Trust {
 
     fn count(&mut self, contradicts: bool) {
         if contradicts {
-            self.contradicted = self.contradicted.saturating_add(1).min(OPENS);
-            self.agreed = self.agreed.saturating_sub(OUTWEIGHS);
-            self.is_open |= self.contradicted == OPENS;
+            self.contradicted = self.contradicted.saturating_add(1).min(OPEN_COUNT);
+            self.agreed = self.agreed.saturating_sub(AGREEMENT_WEIGHT);
+            self.is_open |= self.contradicted == OPEN_COUNT;
         } else {
             self.contradicted = self.contradicted.saturating_sub(1);
-            self.agreed = self.agreed.saturating_add(1).min(CLOSES);
+            self.agreed = self.agreed.saturating_add(1).min(CLOSE_COUNT);
         }
     }
 }
@@ -128,7 +138,7 @@ const fn learned(health: &Health) -> Learned {
     Learned { level: health.level.get(), level_se: health.level_se.get() }
 }
 
-fn joined(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
+fn widen(standard_error: LeakageCoefficient, excess: f32) -> LeakageCoefficient {
     let own = standard_error.get();
     LeakageCoefficient(libm::sqrtf(own * own + excess * excess))
 }
@@ -180,92 +190,93 @@ mod tests {
     }
 
     #[test]
-    fn what_agrees_with_the_level_learned_is_told_as_it_is() {
-        let mut trust = Trust::new();
+    fn estimate_that_agrees_with_the_learned_level_is_unchanged() {
+        let mut check = ConsistencyCheck::new();
         let agrees = estimate(1.3 * LAW, 1.3, Health::new());
-        assert_eq!(trust.judge(None, agrees), agrees);
+        assert_eq!(check.apply(None, agrees), agrees);
     }
 
     #[test]
-    fn a_contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
+    fn contradiction_widens_the_error_at_once_so_that_both_explanations_lie_within_it() {
         for seen in [0.3, 0.7, 1.3, 2.0, 5.0] {
-            let told = Trust::new().judge(None, estimate(seen * LAW, 1.0, Health::new()));
-            // The square root of 2 where gap and the sensors' error are worst to each other, and rounding.
-            assert!((seen - 1.0).abs() * LAW < 1.415 * se(told), "{seen}: {}", se(told));
-            assert!(se(told) > SE && told.expected.unwrap().kou_se.get() > SE, "{seen}");
+            let reported = ConsistencyCheck::new().apply(None, estimate(seen * LAW, 1.0, Health::new()));
+            // The square root of 2 where gap and sensor error combine worst, plus rounding.
+            assert!((seen - 1.0).abs() * LAW < 1.415 * se(reported), "{seen}: {}", se(reported));
+            assert!(se(reported) > SE && reported.expected.unwrap().kou_se.get() > SE, "{seen}");
         }
     }
 
     #[test]
-    fn until_a_change_is_explained_the_level_before_it_stands_even_when_health_has_followed() {
-        let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
+    fn reference_level_is_frozen_until_a_change_is_explained_even_when_health_has_followed() {
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let followed = Health { changes: 1, ..Health::new() };
         for _ in 0..3 {
-            let told = trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
-            assert!(0.5 * LAW < 3.0 * se(told), "{}", se(told));
+            let reported = check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, followed));
+            assert!(0.5 * LAW < 3.0 * se(reported), "{}", se(reported));
         }
-        // A second one does not make the level between them known.
+        // A second change does not make the level between the two known.
         let twice = Health { changes: 2, ..Health::new() };
-        let told = trust.judge(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
-        assert!(0.8 * LAW < 3.0 * se(told), "{}", se(told));
-        // Back where it was nothing is open.
+        let reported = check.apply(change(1.5, 1.8), estimate(1.8 * LAW, 1.8, twice));
+        assert!(0.8 * LAW < 3.0 * se(reported), "{}", se(reported));
+        // Back at the reference, nothing is open.
         let back = estimate(LAW, 1.0, twice);
-        assert_eq!(trust.judge(change(1.5, 1.8), back), back);
+        assert_eq!(check.apply(change(1.5, 1.8), back), back);
     }
 
     #[test]
-    fn confirmed_wear_is_believed_and_a_suspected_sensor_is_not() {
+    fn confirmed_wear_is_accepted_and_a_suspected_sensor_invalidates() {
         let both = causes(&[Cause::Wear, Cause::Displacement]);
         let open = Health { changes: 1, causes: both, ..Health::new() };
-        let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
-        assert!(se(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
+        assert!(se(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.5, open))) > 2.0 * SE);
         let worn = Health { causes: causes(&[Cause::Wear]), wear: DtcStatus::Confirmed, ..open };
         let believed = estimate(1.5 * LAW, 1.5, worn);
-        assert_eq!(trust.judge(change(1.0, 1.5), believed), believed);
+        assert_eq!(check.apply(change(1.0, 1.5), believed), believed);
 
-        let suspected = Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
-        let told = Trust::new().judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
-        assert_eq!(told.observed, Err(Reason::SensorSuspected));
-        assert_eq!(told.expected, Err(Reason::SensorSuspected));
-        // As before for five seconds: used again, whatever health still waits for.
-        let mut trust = Trust::new();
-        for _ in 0..AGREES {
-            assert!(trust.judge(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).observed.is_err());
+        let suspected =
+            Health { causes: causes(&[Cause::Displacement]), sensor: DtcStatus::Confirmed, ..open };
+        let reported = ConsistencyCheck::new().apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected));
+        assert_eq!(reported.observed, Err(Reason::SensorSuspected));
+        assert_eq!(reported.expected, Err(Reason::SensorSuspected));
+        // After five seconds of agreement the sensor is used again, whatever health still waits for.
+        let mut check = ConsistencyCheck::new();
+        for _ in 0..RECOVER_COUNT {
+            assert!(check.apply(change(1.0, 1.5), estimate(1.5 * LAW, 1.0, suspected)).observed.is_err());
         }
-        for i in 1..=AGREES {
-            let told = trust.judge(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
-            assert_eq!(told.observed.is_ok(), i == AGREES, "{i}");
+        for i in 1..=RECOVER_COUNT {
+            let reported = check.apply(change(1.0, 1.5), estimate(LAW, 1.0, suspected));
+            assert_eq!(reported.observed.is_ok(), i == RECOVER_COUNT, "{i}");
         }
     }
 
     #[test]
-    fn what_health_learns_of_a_wrong_sensor_does_not_become_what_was_learned() {
-        let mut trust = Trust::new();
-        assert!(trust.judge(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
+    fn level_that_health_learns_from_a_faulty_sensor_does_not_become_the_reference() {
+        let mut check = ConsistencyCheck::new();
+        assert!(check.apply(None, estimate(LAW, 1.0, Health::new())).observed.is_ok());
         let mut level = 1.0;
         for i in 0..3000 {
-            // Health follows to two thirds before it reports, and one operating point in ten shows next to nothing.
+            // Health follows by two thirds before it reports, and one operating point in ten shows almost nothing.
             level += 0.001 * (0.5 - level);
             let seen = if i % 10 == 0 { 0.97 } else { 0.5 };
-            let told = trust.judge(None, estimate(seen * LAW, level, Health::new()));
-            assert!((1.0 - seen) * LAW < 3.0 * se(told), "{i}: {}", se(told));
+            let reported = check.apply(None, estimate(seen * LAW, level, Health::new()));
+            assert!((1.0 - seen) * LAW < 3.0 * se(reported), "{i}: {}", se(reported));
         }
-        // The sensor is right again, health not yet: what is seen is told as it is.
+        // The sensor has recovered, health has not yet: the observation is reported unchanged.
         let agrees = estimate(LAW, level, Health::new());
-        for _ in 0..2 * CLOSES {
-            assert_eq!(trust.judge(None, agrees), agrees);
+        for _ in 0..2 * CLOSE_COUNT {
+            assert_eq!(check.apply(None, agrees), agrees);
         }
-        assert!(trust.is_open);
-        assert!(trust.judge(None, estimate(LAW, 0.99, Health::new())).observed.is_ok());
-        assert!(!trust.is_open);
+        assert!(check.is_open);
+        assert!(check.apply(None, estimate(LAW, 0.99, Health::new())).observed.is_ok());
+        assert!(!check.is_open);
     }
 
     #[test]
-    fn a_reason_of_the_estimator_stays() {
+    fn a_reason_of_the_estimator_is_preserved() {
         let mut invalid = estimate(LAW, 1.0, Health { sensor: DtcStatus::Confirmed, ..Health::new() });
         invalid.observed = Err(Reason::RatioAboveLeakFree);
-        assert_eq!(Trust::new().judge(None, invalid).observed, Err(Reason::RatioAboveLeakFree));
+        assert_eq!(ConsistencyCheck::new().apply(None, invalid).observed, Err(Reason::RatioAboveLeakFree));
     }
 }

@@ -1,9 +1,10 @@
-//! What passes between the tasks `store` and `estimate`: parameters and learned health one way, learned health the other.
+//! Handover between the tasks `storage` and `estimate`: parameters and learned health in one direction, learned
+//! health in the other.
 //!
-//! One place for one thing, because each is large, and each is made where it lies: a copy on its way would take the stack that the
-//! place saves. `store` begins every exchange and may put something newer in the place of what still lies there; `estimate` looks
-//! at each of its turns, never waits, and takes what is for it by exchanging contents. While `store` works at the place,
-//! `estimate` passes by; nobody else is held up.
+//! A single mailbox holds one item at a time, because each item is large and is built in place: copying it would need
+//! as much stack as the mailbox saves. `storage` starts every handover and may replace an item that has not been
+//! collected; `estimate` checks the mailbox in each cycle without waiting, and takes its item by swapping contents.
+//! While `storage` works on the mailbox, `estimate` skips it; no other task is blocked.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
@@ -11,54 +12,55 @@ use kou_estimator::calibration::CalibrationError;
 use kou_estimator::health::HealthState;
 use kou_estimator::{Calibration, Params, State};
 
-use super::consistency::Trust;
+use super::consistency::ConsistencyCheck;
 use crate::calibration::{CalibrationState, ParamsSlot};
 use crate::diagnostics::FaultMemory;
 use crate::storage::HealthRecord;
 
-/// What lies there.
+/// Content of the mailbox.
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to box anything")]
-pub(super) enum Slot {
+pub(super) enum Mailbox {
     /// Nothing.
     Empty,
-    /// Parameters: being made, until it is said of what calibration; then for `estimate`, to be taken into use between two samples.
+    /// Parameters: under construction while the second field is `None`; then for `estimate`, to be activated between
+    /// two samples.
     Calibration(Option<Params>, Option<CalibrationState>),
-    /// For `estimate`: what was learned with the calibration in use, in an earlier run.
+    /// For `estimate`: health learned with the calibration in use, in an earlier run.
     Learned(HealthState),
-    /// For `estimate`, to be filled with what has been learned; then for `store`.
-    Asked {
-        /// What has been learned, once it is told.
+    /// Request to `estimate` for the learned health; once filled, for `storage`.
+    Requested {
+        /// Learned health, once filled in.
         record: HealthRecord,
-        /// Whether it is.
-        is_told: bool,
+        /// Whether the record is filled in.
+        is_filled: bool,
     },
-    /// Of `store` alone: the fault memory while it is written. It has nothing to do with `estimate`, but needs a place for a moment.
+    /// Used by `storage` alone: the fault memory while it is written, which needs a buffer for a moment.
     Faults(FaultMemory),
 }
 
-impl Slot {
-    /// Asks for what has been learned.
-    // Not inlined: what is put here would lie in a task's memory for good.
+impl Mailbox {
+    /// Requests the learned health.
+    // Not inlined: the record would otherwise occupy a task's memory permanently.
     #[inline(never)]
-    pub fn ask(&mut self) {
+    pub fn request_learned(&mut self) {
         let record = HealthRecord { calibration_crc: 0, state: HealthState::new() };
-        *self = Self::Asked { record, is_told: false };
+        *self = Self::Requested { record, is_filled: false };
     }
 
-    /// Hands over what was learned in an earlier run.
+    /// Hands over health that was learned in an earlier run.
     #[inline(never)]
-    pub fn learned(&mut self, health: &HealthState) {
+    pub fn put_learned(&mut self, health: &HealthState) {
         *self = Self::Learned(health.clone());
     }
 
-    /// The parameters made here are those of this calibration, and to be taken into use.
-    pub fn hand_over(&mut self, calibration: CalibrationState) {
+    /// Releases the parameters in the mailbox to `estimate`, as those of this calibration.
+    pub fn release(&mut self, calibration: CalibrationState) {
         if let Self::Calibration(_, state) = self {
             *state = Some(calibration);
         }
     }
 
-    /// The parameters, where any were made.
+    /// Parameters in the mailbox, if any.
     pub fn params(&self) -> Option<&Params> {
         match self {
             Self::Calibration(params, _) => params.as_ref(),
@@ -67,7 +69,7 @@ impl Slot {
     }
 }
 
-impl ParamsSlot for Slot {
+impl ParamsSlot for Mailbox {
     fn make(&mut self, calibration: &Calibration) -> Result<(), CalibrationError> {
         *self = Self::Calibration(None, None);
         let made = match self {
@@ -75,29 +77,34 @@ impl ParamsSlot for Slot {
             _ => Ok(()),
         };
         if made.is_err() {
-            // Not to lie in the way of what comes next.
+            // Must not block the next item.
             *self = Self::Empty;
         }
         made
     }
 }
 
-/// The place.
-pub struct Handover<M: RawMutex>(Mutex<M, Slot>);
+/// Mailbox between `storage` and `estimate`.
+pub struct Handover<M: RawMutex>(Mutex<M, Mailbox>);
 
-/// What the task `estimate` works with. It lies outside of the task, which is moved when it is begun.
+/// Working data of the task `estimate`. Outside the task, because a task is moved when it is started.
 pub struct Estimator {
     pub(super) params: Option<Params>,
     pub(super) calibration: CalibrationState,
     pub(super) state: State,
-    pub(super) trust: Trust,
+    pub(super) consistency: ConsistencyCheck,
 }
 
 impl Estimator {
     /// Before the first calibration.
     #[must_use]
     pub const fn new() -> Self {
-        Self { params: None, calibration: CalibrationState::NONE, state: State::new(), trust: Trust::new() }
+        Self {
+            params: None,
+            calibration: CalibrationState::NONE,
+            state: State::new(),
+            consistency: ConsistencyCheck::new(),
+        }
     }
 }
 
@@ -109,62 +116,63 @@ impl Default for Estimator {
 
 impl<M: RawMutex> Handover<M> {
     pub(super) const fn new() -> Self {
-        Self(Mutex::new(Slot::Empty))
+        Self(Mutex::new(Mailbox::Empty))
     }
 
-    /// The place, for `store` to work at. Waits for no longer than a turn of `estimate`.
-    pub(super) async fn lock(&self) -> MutexGuard<'_, M, Slot> {
+    /// Locks the mailbox for `storage`. Waits no longer than one cycle of `estimate`.
+    pub(super) async fn lock(&self) -> MutexGuard<'_, M, Mailbox> {
         self.0.lock().await
     }
 
-    /// The turn of `estimate`: takes what is for it, and answers. True when the calibration has changed.
+    /// Serves `estimate` in its cycle: takes its item, and fills in a request. Returns true when the calibration has
+    /// changed.
     pub(super) fn serve(&self, estimator: &mut Estimator) -> bool {
         let Ok(mut slot) = self.0.try_lock() else { return false };
         match &mut *slot {
             // Not complete, or not for this task.
-            Slot::Empty | Slot::Calibration(_, None) | Slot::Faults(_) => {}
-            Slot::Calibration(params, Some(calibration)) => {
+            Mailbox::Empty | Mailbox::Calibration(_, None) | Mailbox::Faults(_) => {}
+            Mailbox::Calibration(params, Some(calibration)) => {
                 core::mem::swap(&mut estimator.params, params);
                 estimator.calibration = *calibration;
-                // The state belongs to the old calibration and goes with it.
-                estimator.begin_anew();
-                *slot = Slot::Empty;
+                // The state belongs to the previous calibration and is discarded with it.
+                estimator.reset();
+                *slot = Mailbox::Empty;
                 return true;
             }
-            Slot::Learned(health) => {
+            Mailbox::Learned(health) => {
                 if estimator.params.is_some() {
-                    estimator.go_on_with(health);
+                    estimator.resume_with(health);
                 }
-                *slot = Slot::Empty;
+                *slot = Mailbox::Empty;
             }
-            Slot::Asked { record, is_told } if estimator.params.is_some() => {
-                if !*is_told {
-                    estimator.tell(record);
-                    *is_told = true;
+            Mailbox::Requested { record, is_filled } if estimator.params.is_some() => {
+                if !*is_filled {
+                    estimator.export_learned(record);
+                    *is_filled = true;
                 }
             }
-            Slot::Asked { .. } => *slot = Slot::Empty,
+            Mailbox::Requested { .. } => *slot = Mailbox::Empty,
         }
         false
     }
 }
 
-// Not inlined, each of them: what one copies would lie on the stack beside what the others do.
+// Not inlined, each of them: their temporaries would otherwise share one stack frame.
 impl Estimator {
     #[inline(never)]
-    fn begin_anew(&mut self) {
+    fn reset(&mut self) {
         self.state = State::new();
-        self.trust = Trust::new();
+        self.consistency = ConsistencyCheck::new();
     }
 
     #[inline(never)]
-    fn go_on_with(&mut self, health: &HealthState) {
+    fn resume_with(&mut self, health: &HealthState) {
         self.state = State::with_health(health.clone());
-        self.trust = Trust::new();
+        self.consistency = ConsistencyCheck::new();
     }
 
     #[inline(never)]
-    fn tell(&self, record: &mut HealthRecord) {
+    fn export_learned(&self, record: &mut HealthRecord) {
         record.calibration_crc = self.calibration.crc;
         record.state.clone_from(self.state.health());
     }

@@ -1,4 +1,4 @@
-//! The controller: sensors in, estimates out, by tasks of fixed period and priority, watched over.
+//! Controller tasks: sensors in, estimates out, at fixed periods and priorities, under a watchdog.
 //!
 //! ```text
 //!            1 kHz            100 Hz               100 Hz
@@ -6,13 +6,13 @@
 //!                                    ^  |                 |   ^
 //!            calibration, learned ---+--+--- learned   commands, answers
 //!                                    |  v                 v   |
-//!                                    store (1 Hz) <-------------
+//!                                    storage (1 Hz) <-----------
 //!                                      `--> flash
 //!
 //! every task --check-in--> supervise (20 Hz) --feeds--> watchdog
 //! ```
 //!
-//! | task | period | priority | deadline | silent for at most |
+//! | task | period | priority | deadline | supervision timeout |
 //! |---|---|---|---|---|
 //! | [`run_sample`] | 1 ms | highest | 1 ms | 20 ms |
 //! | [`run_estimate`] | 10 ms | high | 10 ms | 100 ms |
@@ -20,14 +20,14 @@
 //! | [`run_storage`] | 1 s | low | 1 s | 10 s |
 //! | [`run_supervise`] | 50 ms | low | 50 ms | the watchdog's time |
 //!
-//! The tasks know no board: a board gives them a [`FrontEnd`], a [`Publish`], a flash and a [`Watchdog`], and runs each
-//! in an executor of its priority. They share one [`Controller`], which lives in a static. What passes
-//! from task to task is the latest value: a task that is late finds a newer one, never a queue. Only commands of a
-//! calibration update and their answers queue, a few of each.
+//! The tasks contain no board code: a board supplies a [`FrontEnd`], a [`Publish`], a flash and a [`Watchdog`], and
+//! runs each task in an executor of its priority. All tasks share one [`Controller`], which is a static. Tasks
+//! exchange the latest value, not a queue: a late task finds a newer value. Only commands and answers of a
+//! calibration update are queued, a few of each.
 //!
-//! Safe state: the firmware has no actuator, so nothing that it does can disturb the drive. Whatever fails, the
-//! estimate is told as invalid with its reason ([`Controller::output`]), and silence on the bus is at most as long as
-//! the watchdog's time.
+//! Safe state: the firmware has no actuator, so it cannot disturb the drive. On any failure the estimate is published
+//! as invalid with its reason ([`Controller::output`]), and silence on the bus lasts at most as long as the
+//! watchdog's period.
 
 mod can_task;
 mod consistency;
@@ -43,17 +43,17 @@ mod supervisor;
 mod task_stats;
 mod write_schedule;
 
-pub use can_task::{Bus, CanPort};
+pub use can_task::{CanInterface, CanPort};
 pub use estimate::run_estimate;
 pub use handover::{Estimator, Handover};
-pub use periodic::Pace;
+pub use periodic::Ticker;
 pub use periods::{
-    ESTIMATE_PERIOD, MAX_ESTIMATE_AGE, PUBLISH_PERIOD, SAMPLE_PERIOD, STORE_PERIOD, SUPERVISE_PERIOD,
+    ESTIMATE_PERIOD, MAX_ESTIMATE_AGE, PUBLISH_PERIOD, SAMPLE_PERIOD, STORAGE_PERIOD, SUPERVISE_PERIOD,
 };
 pub use publish::{Publish, run_publish};
 pub use sample::{AdcSampler, EdgeTimer, FrontEnd, SensorsMemory, run_sample};
 pub use shared::{Controller, NoEstimate};
-pub use storage_task::{Begin, StorageTask, run_storage};
+pub use storage_task::{StartReason, StorageTask, run_storage};
 pub use supervisor::{Supervisor, Task, Watchdog, run_supervise};
 pub use task_stats::{AllTaskStats, TaskStats, TaskStatsSnapshot};
 pub use write_schedule::{WriteScheduleConfig, WriteScheduleError, WriteScheduleParams};

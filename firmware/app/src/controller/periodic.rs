@@ -1,47 +1,48 @@
-//! The pace of a periodic task: when its next turn is due, and what it costs.
+//! Ticker of a periodic task: due time of the next cycle, jitter and execution time.
 //!
-//! Turns are due at whole multiples of the period after the start, for ever: lateness of one does not move the next, so no
-//! time leaks. A turn that is not done when the next one is due has missed its deadline; due times that have passed by
-//! then are left out and counted, because catching up would only make the next one late as well.
+//! Cycles are due at whole multiples of the period after the start: a late cycle does not shift the next one, so the
+//! schedule does not drift. A cycle that is still running when the next one is due has missed its deadline; due times
+//! that have passed by then are skipped and counted, because catching up would only delay the following cycles.
 
 use embassy_time::{Duration, Instant, Timer};
 use kou_estimator::units::Micros;
 
 use super::task_stats::TaskStats;
 
-/// Pace of one task.
+/// Ticker of one task.
 #[derive(Debug)]
-pub struct Pace<'a> {
+pub struct Ticker<'a> {
     period: Duration,
     due: Instant,
     began: Option<Instant>,
-    vital: &'a TaskStats,
+    stats: &'a TaskStats,
 }
 
-impl<'a> Pace<'a> {
-    /// The first turn is due one period after `start`. A period of zero is taken for the clock's shortest.
+impl<'a> Ticker<'a> {
+    /// Ticker whose first cycle is due one period after `start`. A period of zero is replaced by the clock's
+    /// shortest.
     #[must_use]
-    pub fn new(start: Instant, period: Duration, vital: &'a TaskStats) -> Self {
+    pub fn new(start: Instant, period: Duration, stats: &'a TaskStats) -> Self {
         let period = period.max(Duration::from_ticks(1));
-        Self { period, due: start, began: None, vital }
+        Self { period, due: start, began: None, stats }
     }
 
-    /// Ends the present turn and waits for the next.
-    pub async fn turn(&mut self) -> Instant {
-        Timer::at(self.end()).await;
-        self.begin()
+    /// Ends the present cycle and waits for the next.
+    pub async fn cycle(&mut self) -> Instant {
+        Timer::at(self.end_cycle()).await;
+        self.begin_cycle()
     }
 
-    /// Ends the present turn and says when the next one is due, for a task that has something to do until then.
-    pub fn end(&mut self) -> Instant {
+    /// Ends the present cycle and returns the due time of the next one, for a task with work to do until then.
+    pub fn end_cycle(&mut self) -> Instant {
         let done = Instant::now();
         self.due = self.due.saturating_add(self.period);
         if let Some(began) = self.began {
-            self.vital.took(done.saturating_duration_since(began));
+            self.stats.record_execution(done.saturating_duration_since(began));
             if done > self.due {
                 let behind = done.saturating_duration_since(self.due).as_ticks();
                 let skipped = behind.div_ceil(self.period.as_ticks());
-                self.vital.misses(skipped);
+                self.stats.record_miss(skipped);
                 let left_out = Duration::from_ticks(skipped.saturating_mul(self.period.as_ticks()));
                 self.due = self.due.saturating_add(left_out);
             }
@@ -49,16 +50,16 @@ impl<'a> Pace<'a> {
         self.due
     }
 
-    /// Begins the turn that is due.
-    pub fn begin(&mut self) -> Instant {
+    /// Begins the cycle that is due.
+    pub fn begin_cycle(&mut self) -> Instant {
         let now = Instant::now();
         self.began = Some(now);
-        self.vital.begins(now.saturating_duration_since(self.due));
+        self.stats.record_start(now.saturating_duration_since(self.due));
         now
     }
 }
 
-/// The clock of the tasks as the estimator states time.
+/// Time of the tasks' clock in the estimator's unit.
 pub(super) fn now() -> Micros {
     Micros(embassy_time::Instant::now().as_micros())
 }
@@ -76,17 +77,17 @@ mod tests {
 
     #[test]
     fn jitter_is_the_longest_wait_from_due_to_begun() {
-        let vitals = AllTaskStats::new();
+        let task_stats = AllTaskStats::new();
         let clock = MockDriver::get();
-        let mut pace = Pace::new(Instant::now(), Duration::from_millis(10), &vitals.publish);
+        let mut ticker = Ticker::new(Instant::now(), Duration::from_millis(10), &task_stats.publish);
         for late_us in [0, 250, 40] {
-            let mut turn = pin!(pace.turn());
+            let mut cycle = pin!(ticker.cycle());
             let mut context = Context::from_waker(Waker::noop());
-            assert!(turn.as_mut().poll(&mut context).is_pending());
+            assert!(cycle.as_mut().poll(&mut context).is_pending());
             let to_due = 10_000 - Instant::now().as_micros() % 10_000;
             clock.advance(Duration::from_micros(to_due + late_us));
-            assert!(turn.as_mut().poll(&mut context).is_ready());
+            assert!(cycle.as_mut().poll(&mut context).is_ready());
         }
-        assert_eq!(vitals.publish.read().latest_us, 250);
+        assert_eq!(task_stats.publish.read().max_jitter_us, 250);
     }
 }

@@ -1,19 +1,19 @@
-//! Task `publish`: what is to be told, to whoever listens.
+//! Task `publish`: reports estimates to a bus, a log or any other receiver.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 
-use super::periodic::{Pace, now};
+use super::periodic::{Ticker, now};
 use super::periods::PUBLISH_PERIOD;
 use super::shared::{Controller, NoEstimate};
 
-/// Whoever is told: a CAN bus, a log.
+/// Receiver of estimates: a CAN bus, a log.
 #[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]
 pub trait Publish {
-    /// Tells the estimate, or why there is none, and the sample, where there is one. Must not wait longer than a period:
-    /// what a bus does not take by then is dropped and counted by the implementor.
+    /// Reports the estimate, or why there is none, and the sample if there is one. Must not wait longer than a
+    /// period: the implementor drops and counts what the bus does not accept by then.
     async fn publish(
         &mut self,
         now: Micros,
@@ -21,21 +21,21 @@ pub trait Publish {
         sample: Option<&Sample>,
     );
 
-    /// Another thermometer's reading of the oil, as whoever is told has heard of it; not fitted where nobody tells.
+    /// Oil temperature of an external sensor, as received by the implementor; not fitted by default.
     fn external_oil_temperature(&self, _now: Micros) -> Reading<Celsius> {
         Reading::not_fitted()
     }
 }
 
-/// Publishes for ever.
+/// Runs the publishing task; never returns.
 pub async fn run_publish<M: RawMutex>(
     controller: &Controller<M>,
     start: Instant,
     to: &mut impl Publish,
 ) -> ! {
-    let mut pace = Pace::new(start, PUBLISH_PERIOD, &controller.vitals.publish);
+    let mut ticker = Ticker::new(start, PUBLISH_PERIOD, &controller.task_stats.publish);
     loop {
-        pace.turn().await;
+        ticker.cycle().await;
         let now = now();
         let estimate = controller.output(now);
         to.publish(now, &estimate, controller.sample().as_ref()).await;

@@ -1,30 +1,30 @@
-//! Task `sample`: reads the front end each millisecond, and puts a sample together for every turn of `estimate`.
+//! Task `sample`: reads the front end each millisecond, and assembles a sample for every cycle of `estimate`.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::Instant;
 
-use super::periodic::{Pace, now};
+use super::periodic::{Ticker, now};
 use super::periods::{ESTIMATE_PERIOD, SAMPLE_PERIOD};
 use super::shared::Controller;
 use crate::log::warning;
 use crate::sensors::adc::{Adc, Input};
 use crate::sensors::pickup::Edges;
-use crate::sensors::set::{CHANNELS, Inputs, SensorsParams, SensorsState};
+use crate::sensors::set::{CHANNELS, SensorInputs, SensorsParams, SensorsState};
 
-/// Everything that a drive's sensors are connected to.
+/// Front end: all inputs to which a drive's sensors are connected.
 #[allow(async_fn_in_trait, reason = "called by tasks that are not sent between threads")]
 pub trait FrontEnd {
-    /// Reads all: a conversion of each wanted input, and the edges since the last call.
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs);
+    /// Reads a conversion of each wanted input, and the edges since the last call.
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs);
 }
 
-/// The timer that stamps the pickups' edges.
+/// Timer that stamps the edges of the pickups.
 pub trait EdgeTimer {
-    /// Hands over the edges since the last call, and returns the timer's count now.
+    /// Hands over the edges since the last call, and returns the timer's present count.
     fn take(&mut self, pump: &mut Edges, motor: &mut Edges) -> u32;
 }
 
-/// The usual front end: a converter and a timer.
+/// Default front end: an analogue-to-digital converter and a timer.
 #[derive(Debug)]
 pub struct AdcSampler<A, T> {
     adc: A,
@@ -32,15 +32,15 @@ pub struct AdcSampler<A, T> {
 }
 
 impl<A: Adc, T: EdgeTimer> AdcSampler<A, T> {
-    /// Puts the two together.
+    /// Combines the two.
     pub const fn new(adc: A, timer: T) -> Self {
         Self { adc, timer }
     }
 }
 
 impl<A: Adc, T: EdgeTimer> FrontEnd for AdcSampler<A, T> {
-    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut Inputs) {
-        // First the edges: they are stamped already, and the conversions take their time.
+    async fn read(&mut self, wanted: &[Option<Input>; CHANNELS], into: &mut SensorInputs) {
+        // Edges first: they are stamped already, whereas conversions take time.
         into.pump.clear();
         into.motor.clear();
         into.count = self.timer.take(&mut into.pump, &mut into.motor);
@@ -52,18 +52,18 @@ impl<A: Adc, T: EdgeTimer> FrontEnd for AdcSampler<A, T> {
     }
 }
 
-/// What the task remembers. It lies outside of the task, which is moved when it is begun.
+/// Working data of the task. Outside the task, because a task is moved when it is started.
 #[derive(Debug)]
 pub struct SensorsMemory {
     state: SensorsState,
-    inputs: Inputs,
+    inputs: SensorInputs,
 }
 
 impl SensorsMemory {
     /// Before the first millisecond.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: SensorsState::new(), inputs: Inputs::new() }
+        Self { state: SensorsState::new(), inputs: SensorInputs::new() }
     }
 }
 
@@ -73,10 +73,10 @@ impl Default for SensorsMemory {
     }
 }
 
-/// Turns of this task for one of `estimate`.
-const TURNS: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
+/// Cycles of this task per cycle of `estimate`.
+const CYCLES: u64 = ESTIMATE_PERIOD.as_ticks() / SAMPLE_PERIOD.as_ticks();
 
-/// Samples for ever.
+/// Runs the sampling task; never returns.
 pub async fn run_sample<M: RawMutex>(
     controller: &Controller<M>,
     start: Instant,
@@ -84,19 +84,19 @@ pub async fn run_sample<M: RawMutex>(
     front_end: &mut impl FrontEnd,
     memory: &mut SensorsMemory,
 ) -> ! {
-    let mut pace = Pace::new(start, SAMPLE_PERIOD, &controller.vitals.sample);
+    let mut ticker = Ticker::new(start, SAMPLE_PERIOD, &controller.task_stats.sample);
     let SensorsMemory { state, inputs } = memory;
-    let mut turn: u64 = 0;
+    let mut cycle: u64 = 0;
     let mut faulty = false;
     loop {
-        pace.turn().await;
+        ticker.cycle().await;
         front_end.read(params.inputs(), inputs).await;
         state.observe(params, now(), inputs);
-        turn = turn.wrapping_add(1);
-        if turn.is_multiple_of(TURNS) {
-            let faults = put_together(controller, params, state);
+        cycle = cycle.wrapping_add(1);
+        if cycle.is_multiple_of(CYCLES) {
+            let faults = publish_sample(controller, params, state);
             if faults != faulty {
-                // Which one, and how, is logged as a trouble.
+                // The fault code is logged when it is recorded.
                 warning!("sensors failed: {=bool}", faults);
                 faulty = faults;
             }
@@ -104,10 +104,10 @@ pub async fn run_sample<M: RawMutex>(
     }
 }
 
-/// Makes the sample for `estimate`; whether a sensor has failed that it cannot do without.
-// Not inlined: a sample would lie in the task's memory for good.
+/// Publishes the sample for `estimate`; returns whether a required sensor has failed.
+// Not inlined: a sample would otherwise occupy the task's memory permanently.
 #[inline(never)]
-fn put_together<M: RawMutex>(
+fn publish_sample<M: RawMutex>(
     controller: &Controller<M>,
     params: &SensorsParams,
     state: &mut SensorsState,

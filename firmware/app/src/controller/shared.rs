@@ -15,81 +15,81 @@ use super::periodic::now;
 use super::periods::MAX_ESTIMATE_AGE;
 use super::task_stats::AllTaskStats;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::{Code, FaultMemory, Snapshot};
+use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 use crate::log::info;
-use crate::storage::Kind;
+use crate::storage::RecordKind;
 
-/// Commands and answers of a calibration update that may wait.
+/// Capacity of the queues of update commands and of their answers.
 const QUEUE: usize = 4;
 
-/// Why there is no estimate at all; an estimate that is invalid has its own reasons.
+/// Reason why there is no estimate at all; an invalid estimate has its own reasons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoEstimate {
-    /// The tasks have just begun, or what is kept in flash is still being read.
+    /// The tasks have just started, or the flash is still being read.
     Starting,
     /// No calibration is in use.
     NoCalibration,
-    /// The estimating task has not come to its turn for [`MAX_ESTIMATE_AGE`].
+    /// The estimating task has not completed a cycle for [`MAX_ESTIMATE_AGE`].
     Late,
 }
 
-/// What the tasks share.
+/// State shared by the tasks.
 pub struct Controller<M: RawMutex> {
     sample: Mutex<M, Cell<Option<Sample>>>,
     estimate: Mutex<M, Cell<Option<Result<Estimate, NoEstimate>>>>,
-    told_at: Mutex<M, Cell<Micros>>,
+    estimated_at: Mutex<M, Cell<Micros>>,
     calibration: Mutex<M, Cell<Option<CalibrationState>>>,
     faults: Mutex<M, RefCell<FaultMemory>>,
-    operated_before_s: AtomicU32,
+    previous_operating_s: AtomicU32,
     writing: AtomicU8,
-    /// Parameters and learned health on their way between [`run_storage`] and [`run_estimate`].
-    pub exchange: Handover<M>,
-    /// Commands of a calibration update: who sent them, and their bytes.
+    /// Parameters and learned health in transit between the tasks `storage` and `estimate`.
+    pub handover: Handover<M>,
+    /// Commands of a calibration update: source address and data bytes.
     pub commands: Queue<M, (u8, [u8; 8]), QUEUE>,
-    /// Answers to them: for whom, and their bytes.
+    /// Answers to them: destination address and data bytes.
     pub answers: Queue<M, (u8, [u8; 8]), QUEUE>,
     external_oil_temperature: Mutex<M, Cell<Reading<Celsius>>>,
-    /// How every task is doing.
-    pub vitals: AllTaskStats,
+    /// Timing statistics of every task.
+    pub task_stats: AllTaskStats,
 }
 
 impl<M: RawMutex> Controller<M> {
-    /// Before the tasks start.
+    /// State before the tasks start.
     #[must_use]
     pub const fn new() -> Self {
         Self {
             sample: Mutex::new(Cell::new(None)),
             estimate: Mutex::new(Cell::new(None)),
-            told_at: Mutex::new(Cell::new(Micros(0))),
+            estimated_at: Mutex::new(Cell::new(Micros(0))),
             calibration: Mutex::new(Cell::new(None)),
             faults: Mutex::new(RefCell::new(FaultMemory::new())),
-            operated_before_s: AtomicU32::new(0),
+            previous_operating_s: AtomicU32::new(0),
             writing: AtomicU8::new(0),
-            exchange: Handover::new(),
+            handover: Handover::new(),
             commands: Queue::new(),
             answers: Queue::new(),
             external_oil_temperature: Mutex::new(Cell::new(Reading::not_fitted())),
-            vitals: AllTaskStats::new(),
+            task_stats: AllTaskStats::new(),
         }
     }
 
-    /// The latest sample.
+    /// Latest sample.
     pub fn sample(&self) -> Option<Sample> {
         self.sample.lock(Cell::get)
     }
 
-    /// What is to be told of leakage at `now`.
+    /// Estimate to be published at `now`.
     ///
     /// # Errors
     /// When there is no estimate, or only one that is too old.
     pub fn output(&self, now: Micros) -> Result<Estimate, NoEstimate> {
         let latest = self.estimate.lock(Cell::get).unwrap_or(Err(NoEstimate::Starting));
-        let age_us = now.0.saturating_sub(self.told_at.lock(Cell::get).0);
+        let age_us = now.0.saturating_sub(self.estimated_at.lock(Cell::get).0);
         if latest.is_ok() && age_us > MAX_ESTIMATE_AGE.as_micros() { Err(NoEstimate::Late) } else { latest }
     }
 
-    /// The calibration in use; nothing until what is kept in flash has been read.
+    /// Calibration in use; `None` until the flash has been read.
     pub fn calibration(&self) -> Option<CalibrationState> {
         self.calibration.lock(Cell::get)
     }
@@ -98,48 +98,48 @@ impl<M: RawMutex> Controller<M> {
         self.calibration.lock(|cell| cell.set(Some(state)));
     }
 
-    /// Looks at the fault memory, or changes it. No other task runs meanwhile: be short.
-    pub fn faults<R>(&self, look: impl FnOnce(&mut FaultMemory) -> R) -> R {
-        self.faults.lock(|memory| look(&mut memory.borrow_mut()))
+    /// Gives access to the fault memory. All other tasks are locked out meanwhile: keep it short.
+    pub fn faults<R>(&self, access: impl FnOnce(&mut FaultMemory) -> R) -> R {
+        self.faults.lock(|memory| access(&mut memory.borrow_mut()))
     }
 
-    /// What is measured now, at the present operating time.
-    pub(super) fn snapshot(&self) -> Snapshot {
+    /// Freeze frame of the latest sample at the present operating time.
+    pub(super) fn freeze_frame(&self) -> FreezeFrame {
         let operating_s = self.operating_s(now());
         self.sample().map_or(FreezeFrame::at(operating_s), |sample| FreezeFrame::of(operating_s, &sample))
     }
 
-    pub(super) fn happened(&self, code: Code) {
-        info!("trouble {}", code);
-        let snapshot = self.snapshot();
-        self.faults(|memory| memory.happened(code, snapshot));
+    pub(super) fn record_fault_event(&self, code: FaultCode) {
+        info!("fault {}", code);
+        let frame = self.freeze_frame();
+        self.faults(|memory| memory.record_event(code, frame));
     }
 
-    pub(super) fn confirmed(&self, code: Code) {
-        let snapshot = self.snapshot();
-        self.faults(|memory| memory.confirmed(code, snapshot));
+    pub(super) fn confirm_fault(&self, code: FaultCode) {
+        let frame = self.freeze_frame();
+        self.faults(|memory| memory.confirm(code, frame));
     }
 
-    pub(super) fn healed(&self, code: Code) {
-        self.faults(|memory| memory.healed(code));
+    pub(super) fn heal_fault(&self, code: FaultCode) {
+        self.faults(|memory| memory.heal(code));
     }
 
-    /// Operating time of the controller at `now`, in seconds: that of earlier runs and that of this one.
+    /// Operating time of the controller at `now`, in seconds: earlier runs plus the present one.
     pub fn operating_s(&self, now: Micros) -> u32 {
         let this_run_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
-        self.operated_before_s.load(Ordering::Relaxed).saturating_add(this_run_s)
+        self.previous_operating_s.load(Ordering::Relaxed).saturating_add(this_run_s)
     }
 
-    pub(super) fn set_operated_before(&self, seconds: u32) {
-        self.operated_before_s.store(seconds, Ordering::Relaxed);
+    pub(super) fn set_previous_operating_s(&self, seconds: u32) {
+        self.previous_operating_s.store(seconds, Ordering::Relaxed);
     }
 
-    /// The record that is being written to flash, if any.
-    pub fn writing(&self) -> Option<Kind> {
-        self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(Kind::from_number)
+    /// Kind of the record that is being written to flash, if any.
+    pub fn writing(&self) -> Option<RecordKind> {
+        self.writing.load(Ordering::Relaxed).checked_sub(1).and_then(RecordKind::from_number)
     }
 
-    pub(super) fn set_writing(&self, kind: Option<Kind>) {
+    pub(super) fn set_writing(&self, kind: Option<RecordKind>) {
         self.writing.store(kind.map_or(0, |kind| (kind as u8).saturating_add(1)), Ordering::Relaxed);
     }
 
@@ -157,7 +157,7 @@ impl<M: RawMutex> Controller<M> {
 
     pub(super) fn set_estimate(&self, now: Micros, estimate: Result<Estimate, NoEstimate>) {
         self.estimate.lock(|cell| cell.set(Some(estimate)));
-        self.told_at.lock(|cell| cell.set(now));
+        self.estimated_at.lock(|cell| cell.set(now));
     }
 }
 
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sampling_task_that_stops_makes_the_estimates_stale_and_a_stopped_estimate_is_late() {
+    fn estimates_become_late_when_the_estimating_task_stops() {
         let controller = Controller::<NoopRawMutex>::new();
         controller.set_estimate(
             Micros(1_000),

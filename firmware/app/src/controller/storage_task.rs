@@ -1,112 +1,113 @@
-//! Task `store`: opens what is kept in flash, hands calibration and learned health to the estimator, takes calibration
-//! updates, and writes what must outlast a power cut.
+//! Task `storage`: loads calibration and learned health from flash, processes calibration updates, and writes the
+//! records that must survive a power cut.
 //!
 //! ```text
-//! start: records put right --> calibration: stored, else default, else none (and that is said) --> estimate
-//!        --> learned health, when it was learned with this very calibration --> estimate
-//!        --> fault memory, hours, why the last run ended
-//! then:  update commands as they come; once a second a look at what is due, one record at most
+//! start: repair of record copies --> calibration: stored, else default, else none (reported) --> estimate
+//!        --> learned health, when learned with this calibration --> estimate
+//!        --> fault memory, operating counters, cause of the last reset
+//! then:  update commands as they arrive; once a second at most one record that is due
 //! ```
 //!
-//! A write is awaited to its end, whatever else is due. The task is of the lowest priority, so a flash that works beside the
-//! processor delays nobody; one that stops the processor shows as missed deadlines, which become a trouble of their own.
+//! A write is always awaited to its end. The task has the lowest priority, so a flash that works in parallel to the
+//! processor delays no other task; one that stalls the processor causes missed deadlines, which are recorded as a
+//! fault.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_storage_async::nor_flash::NorFlash;
 use kou_estimator::units::{Megapascal, Micros};
 
-use super::handover::Slot;
-use super::periodic::{Pace, now};
-use super::periods::STORE_PERIOD;
+use super::handover::Mailbox;
+use super::periodic::{Ticker, now};
+use super::periods::STORAGE_PERIOD;
 use super::shared::Controller;
-use super::write_schedule::{Due, Schedule, WriteScheduleParams};
+use super::write_schedule::{DueWrite, WriteSchedule, WriteScheduleParams};
 use crate::calibration::CalibrationState;
 use crate::diagnostics::crash_log;
-use crate::diagnostics::{Code, FaultMemory, Note, ResetCause};
+use crate::diagnostics::{CrashRecord, FaultCode, FaultMemory, ResetCause};
 use crate::log::{info, warning};
 use crate::outlined_await::await_outlined;
-use crate::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Record, StoreError};
-use crate::update::{Handled, KeySource, Service, is_loaded};
+use crate::storage::{CrashReport, HealthRecord, OperatingCounters, Record, RecordKind, StoreError};
+use crate::update::{CommandOutcome, KeySource, UpdateService, is_loaded};
 
 /// Pressure difference from which a drive without a calibration counts as loaded.
-const UNCALIBRATED_LEAST: Megapascal = Megapascal(2.0);
-/// How often it is looked whether the estimator has taken what it was given.
-const GLANCE: Duration = Duration::from_millis(2);
+const UNCALIBRATED_MIN_DIFFERENCE: Megapascal = Megapascal(2.0);
+/// Period of polling whether the estimating task has emptied the mailbox.
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 
-/// Why this run began.
+/// Reason of the present start.
 #[derive(Debug, Clone)]
-pub struct Begin {
-    /// As the hardware tells.
+pub struct StartReason {
+    /// Cause reported by the hardware.
     pub cause: ResetCause,
-    /// What the run before left.
-    pub note: Option<Note>,
+    /// Crash record left by the previous run.
+    pub crash_record: Option<CrashRecord>,
 }
 
-/// The owner of everything that is kept. It lies outside of the task, which is moved when it is begun.
+/// Storage task: owner of all records. Outside the asynchronous task, which is moved when it is started.
 pub struct StorageTask<'d, F: NorFlash, K> {
-    service: Service<'d, F, K>,
-    schedule: Schedule,
+    service: UpdateService<'d, F, K>,
+    schedule: WriteSchedule,
     cause: ResetCause,
-    /// What the run before left.
+    /// Crash of the previous run, to be written.
     stop: Option<CrashReport>,
-    /// Hours and starts as they were at the start of this run.
-    life: OperatingCounters,
-    least_difference: Megapascal,
-    /// Level, its error and changes of learned health when it was last written.
+    /// Operating counters at the start of this run.
+    counters: OperatingCounters,
+    min_pressure_difference: Megapascal,
+    /// Level, standard error and number of changes of learned health when last written.
     written: Option<(u32, u32, u16)>,
     faults_changed: bool,
     missed: u32,
 }
 
 impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
-    /// Puts together what the task needs.
-    pub fn new(service: Service<'d, F, K>, rates: WriteScheduleParams, begin: Begin) -> Self {
+    /// Combines the parts of the task.
+    pub fn new(service: UpdateService<'d, F, K>, rates: WriteScheduleParams, start: StartReason) -> Self {
         Self {
             service,
-            schedule: Schedule::new(rates),
-            cause: crash_log::cause_of(begin.cause, begin.note.as_ref()),
-            stop: begin.note.map(|note| CrashReport { operating_s: 0, note }),
-            life: OperatingCounters::new(),
-            least_difference: UNCALIBRATED_LEAST,
+            schedule: WriteSchedule::new(rates),
+            cause: crash_log::reset_cause(start.cause, start.crash_record.as_ref()),
+            stop: start.crash_record.map(|crash| CrashReport { operating_s: 0, crash }),
+            counters: OperatingCounters::new(),
+            min_pressure_difference: UNCALIBRATED_MIN_DIFFERENCE,
             written: None,
             faults_changed: false,
             missed: 0,
         }
     }
 
-    /// Store and session, for whoever looks at what was kept when the task is over.
-    pub fn service(&mut self) -> &mut Service<'d, F, K> {
+    /// Store and session, for inspection after the task has ended.
+    pub fn service(&mut self) -> &mut UpdateService<'d, F, K> {
         &mut self.service
     }
 
     async fn open<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let crc = await_outlined!(self.load(controller));
-        // Learned health is for the calibration in use: that one first.
+        // Learned health belongs to the calibration in use, which must be handed over first.
         while let Some(crc) = crc {
-            let mut slot = controller.exchange.lock().await;
-            if matches!(*slot, Slot::Empty) {
+            let mut slot = controller.handover.lock().await;
+            if matches!(*slot, Mailbox::Empty) {
                 let to = |record: &mut HealthRecord| restore(&mut slot, crc, record);
                 await_outlined!(self.service.store().read_to(to)).ok();
                 break;
             }
             drop(slot);
-            Timer::after(GLANCE).await;
+            Timer::after(POLL_PERIOD).await;
         }
         let to = |faults: &mut FaultMemory| controller.faults(|memory| memory.restore(faults));
         await_outlined!(self.service.store().read_to(to)).ok();
-        if let Ok(Some(life)) = self.service.store().read().await {
-            self.life = life;
+        if let Ok(Some(counters)) = self.service.store().read().await {
+            self.counters = counters;
         }
-        self.begin(controller).await;
+        self.record_start(controller).await;
     }
 
-    /// Finds the calibration to use and hands it over; its CRC.
+    /// Selects the calibration to use and hands it over; returns its CRC.
     async fn load<M: RawMutex>(&mut self, controller: &Controller<M>) -> Option<u32> {
-        let mut slot = controller.exchange.lock().await;
+        let mut slot = controller.handover.lock().await;
         let opened = await_outlined!(self.service.open(&mut *slot));
-        if let Some(code) = opened.trouble {
-            controller.confirmed(code);
+        if let Some(code) = opened.fault {
+            controller.confirm_fault(code);
         }
         if opened.adopted.is_none() {
             warning!("no calibration: nothing is estimated until one comes over the bus");
@@ -115,31 +116,32 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         self.hand_over(&mut slot, opened.adopted)
     }
 
-    async fn begin<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        controller.set_operated_before(self.life.operating_s);
-        if let Some(code) = self.cause.trouble() {
-            controller.happened(code);
+    async fn record_start<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        controller.set_previous_operating_s(self.counters.operating_s);
+        if let Some(code) = self.cause.fault_code() {
+            controller.record_fault_event(code);
         }
-        self.life.started(self.cause);
+        self.counters.count_start(self.cause);
         info!(
             "start {=u32} after {=u32} s of operation, by {}",
-            self.life.starts, self.life.operating_s, self.cause
+            self.counters.starts, self.counters.operating_s, self.cause
         );
-        let life = self.life;
-        keep(&mut self.service, controller, &life).await;
+        let counters = self.counters;
+        write_record(&mut self.service, controller, &counters).await;
         if let Some(stop) = &mut self.stop {
-            stop.operating_s = life.operating_s;
-            keep(&mut self.service, controller, stop).await;
+            stop.operating_s = counters.operating_s;
+            write_record(&mut self.service, controller, stop).await;
         }
     }
 
-    /// Takes a tool's command and leaves the answer for the bus.
-    async fn take<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
-        let loaded = controller.sample().is_none_or(|sample| is_loaded(&sample, self.least_difference));
-        // An update takes the place of what has been learned and is to be written yet.
-        await_outlined!(self.keep_told(controller));
-        let mut slot = controller.exchange.lock().await;
-        controller.set_writing(Some(Kind::Calibration));
+    /// Handles a tool's command and queues the answer.
+    async fn handle_command<M: RawMutex>(&mut self, controller: &Controller<M>, tool: u8, command: [u8; 8]) {
+        let loaded =
+            controller.sample().is_none_or(|sample| is_loaded(&sample, self.min_pressure_difference));
+        // Write pending learned health first: the update reuses the mailbox.
+        await_outlined!(self.write_learned(controller));
+        let mut slot = controller.handover.lock().await;
+        controller.set_writing(Some(RecordKind::Calibration));
         let handled = await_outlined!(self.service.receive(now(), tool, command, loaded, &mut *slot));
         controller.set_writing(None);
         if self.hand_over(&mut slot, handled.adopted).is_some() {
@@ -148,152 +150,153 @@ impl<'d, F: NorFlash, K: KeySource> StorageTask<'d, F, K> {
         answer(controller, &handled);
     }
 
-    /// Hands the parameters that were made over to the estimator; the calibration's CRC.
-    fn hand_over(&mut self, slot: &mut Slot, adopted: Option<CalibrationState>) -> Option<u32> {
+    /// Releases the parameters in the mailbox to the estimating task; returns the calibration's CRC.
+    fn hand_over(&mut self, slot: &mut Mailbox, adopted: Option<CalibrationState>) -> Option<u32> {
         let calibration = adopted?;
-        self.least_difference = slot.params()?.limits().min_pressure_difference;
-        slot.hand_over(calibration);
+        self.min_pressure_difference = slot.params()?.limits().min_pressure_difference;
+        slot.release(calibration);
         Some(calibration.crc)
     }
 
-    /// Writes what has been learned, where `estimate` has told it; false where not.
-    async fn keep_told<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
-        let mut slot = controller.exchange.lock().await;
-        let Slot::Asked { record, is_told: true } = &*slot else { return false };
-        keep(&mut self.service, controller, record).await;
-        *slot = Slot::Empty;
+    /// Writes learned health once `estimate` has filled it in; returns whether it did.
+    async fn write_learned<M: RawMutex>(&mut self, controller: &Controller<M>) -> bool {
+        let mut slot = controller.handover.lock().await;
+        let Mailbox::Requested { record, is_filled: true } = &*slot else { return false };
+        write_record(&mut self.service, controller, record).await;
+        *slot = Mailbox::Empty;
         true
     }
 
-    /// What is due once a second.
-    async fn turn<M: RawMutex>(&mut self, controller: &Controller<M>) {
+    /// Work that is due once a second.
+    async fn cycle<M: RawMutex>(&mut self, controller: &Controller<M>) {
         answer(controller, &self.service.poll(now()));
-        self.look_for_overruns(controller);
-        // Asked for a second ago.
-        if await_outlined!(self.keep_told(controller)) {
+        self.check_overruns(controller);
+        // Requested in the previous cycle.
+        if await_outlined!(self.write_learned(controller)) {
             return;
         }
-        // What is on its way to `estimate` is taken there within milliseconds, and must not be overwritten before.
-        if !matches!(*controller.exchange.lock().await, Slot::Empty) {
+        // `estimate` collects its item within milliseconds; it must not be overwritten before.
+        if !matches!(*controller.handover.lock().await, Mailbox::Empty) {
             return;
         }
         self.faults_changed |= controller.faults(|memory| memory.take_changed());
         let health = learned_now(controller);
         let health_changed = health.is_some() && health != self.written;
         match self.schedule.due(now(), self.faults_changed, health_changed) {
-            Due::Nothing => {}
-            Due::Faults => {
+            DueWrite::Nothing => {}
+            DueWrite::Faults => {
                 self.faults_changed = false;
-                await_outlined!(self.keep_faults(controller));
+                await_outlined!(self.write_faults(controller));
             }
-            Due::Health => {
+            DueWrite::Health => {
                 self.written = health;
-                controller.exchange.lock().await.ask();
+                controller.handover.lock().await.request_learned();
             }
-            Due::Life => {
-                let life = self.life_at(now());
-                keep(&mut self.service, controller, &life).await;
+            DueWrite::OperatingCounters => {
+                let counters = self.counters_at(now());
+                write_record(&mut self.service, controller, &counters).await;
             }
         }
     }
 
-    async fn keep_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
-        let mut slot = controller.exchange.lock().await;
-        // A copy, because others are locked out while it is looked at.
+    async fn write_faults<M: RawMutex>(&mut self, controller: &Controller<M>) {
+        let mut slot = controller.handover.lock().await;
+        // A copy, because other tasks are locked out during access to the memory.
         copy_faults(controller, &mut slot);
-        if let Slot::Faults(faults) = &*slot {
-            keep(&mut self.service, controller, faults).await;
+        if let Mailbox::Faults(faults) = &*slot {
+            write_record(&mut self.service, controller, faults).await;
         }
-        *slot = Slot::Empty;
+        *slot = Mailbox::Empty;
     }
 
-    fn life_at(&self, now: Micros) -> Life {
-        let mut life = self.life;
-        life.ran(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
-        life
+    fn counters_at(&self, now: Micros) -> OperatingCounters {
+        let mut counters = self.counters;
+        counters.add_operating_time(u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX));
+        counters
     }
 
-    fn look_for_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
+    fn check_overruns<M: RawMutex>(&mut self, controller: &Controller<M>) {
         let missed =
-            controller.vitals.read().iter().fold(0_u32, |sum, vital| sum.saturating_add(vital.missed));
+            controller.task_stats.read().iter().fold(0_u32, |sum, stats| sum.saturating_add(stats.missed));
         if missed > self.missed {
             warning!("{=u32} deadlines missed", missed);
-            controller.happened(FaultCode::Overrun);
+            controller.record_fault_event(FaultCode::Overrun);
         }
         self.missed = missed;
     }
 }
 
-/// Writes a record, and says that it does.
-async fn keep<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
-    service: &mut Service<'_, F, K>,
+/// Writes a record, and marks it as being written meanwhile.
+async fn write_record<'r, M: RawMutex, F: NorFlash, K: KeySource, R: Record<'r>>(
+    service: &mut UpdateService<'_, F, K>,
     controller: &Controller<M>,
     record: &R,
 ) {
     controller.set_writing(Some(R::KIND));
-    let result = await_outlined!(service.keep(record));
+    let result = await_outlined!(service.write(record));
     controller.set_writing(None);
-    told(controller, result);
+    report_result(controller, result);
 }
 
-// Not inlined: the copy would lie in the task's memory for good.
+// Not inlined: the copy would otherwise occupy the task's memory permanently.
 #[inline(never)]
-fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Slot) {
-    controller.faults(|memory| *slot = Slot::Faults(memory.clone()));
+fn copy_faults<M: RawMutex>(controller: &Controller<M>, slot: &mut Mailbox) {
+    controller.faults(|memory| *slot = Mailbox::Faults(memory.clone()));
 }
 
-/// Level, its error and changes, to see whether they have changed.
+/// Level, standard error and number of changes of learned health, to detect changes.
 fn learned_now<M: RawMutex>(controller: &Controller<M>) -> Option<(u32, u32, u16)> {
     let health = controller.output(now()).ok()?.health;
     Some((health.level.get().to_bits(), health.level_se.get().to_bits(), health.changes))
 }
 
-fn told<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
+fn report_result<M: RawMutex>(controller: &Controller<M>, result: Result<(), StoreError>) {
     match result {
-        Ok(()) => controller.healed(FaultCode::StorageFailed),
+        Ok(()) => controller.heal_fault(FaultCode::StorageFailed),
         Err(error) => {
-            warning!("the flash refuses: {}", error);
-            controller.confirmed(FaultCode::StorageFailed);
+            warning!("flash write failed: {}", error);
+            controller.confirm_fault(FaultCode::StorageFailed);
         }
     }
 }
 
-/// Hands learned health to the estimator, when it was learned with the calibration in use and is sound.
-fn restore(slot: &mut Slot, crc: u32, record: &HealthRecord) {
+/// Hands learned health to the estimating task if it was learned with the calibration in use and is valid.
+fn restore(slot: &mut Mailbox, crc: u32, record: &HealthRecord) {
     match record.for_calibration(crc) {
-        Some(state) if state.is_sound() => slot.learned(state),
+        Some(state) if state.is_sound() => slot.put_learned(state),
         _ => warning!("learned health is of another calibration: it is learned anew"),
     }
 }
 
-fn answer<M: RawMutex>(controller: &Controller<M>, handled: &Handled) {
-    if let Some(code) = handled.trouble {
-        controller.happened(code);
+fn answer<M: RawMutex>(controller: &Controller<M>, handled: &CommandOutcome) {
+    if let Some(code) = handled.fault {
+        controller.record_fault_event(code);
     }
     if let Some((tool, answer)) = handled.answer {
-        // A tool that asks faster than the bus takes answers loses them, and asks again.
+        // A tool that sends faster than the bus accepts answers loses them, and repeats its command.
         controller.answers.try_send((tool, answer.to_bytes())).ok();
     }
 }
 
-/// Keeps for ever.
+/// Runs the storage task; never returns.
 pub async fn run_storage<M: RawMutex, F: NorFlash, K: KeySource>(
     controller: &Controller<M>,
     start: Instant,
-    keeper: &mut StorageTask<'_, F, K>,
+    task: &mut StorageTask<'_, F, K>,
 ) -> ! {
-    keeper.open(controller).await;
-    let mut pace = Pace::new(start, STORE_PERIOD, &controller.vitals.store);
+    task.open(controller).await;
+    let mut ticker = Ticker::new(start, STORAGE_PERIOD, &controller.task_stats.storage);
     loop {
-        let due = pace.end();
-        // Commands in between; not without end, or a tool that floods would keep the task from its turns.
+        let due = ticker.end_cycle();
+        // Commands until the next cycle is due; bounded, so that a flooding tool cannot keep the task from its
+        // cycles.
         while Instant::now() < due {
             match with_deadline(due, controller.commands.receive()).await {
-                Ok((tool, command)) => keeper.take(controller, tool, command).await,
+                Ok((tool, command)) => task.handle_command(controller, tool, command).await,
                 Err(_) => break,
             }
         }
-        pace.begin();
-        keeper.turn(controller).await;
+        ticker.begin_cycle();
+        task.cycle(controller).await;
     }
 }

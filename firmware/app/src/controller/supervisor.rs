@@ -1,19 +1,19 @@
-//! Task `supervise`: feeds the watchdog while every task comes to its turns, and only then.
+//! Task `supervise`: feeds the watchdog while every task completes its cycles, and only then.
 //!
-//! A task is overdue when its turns have stood still for longer than it may be silent. The watchdog is then not fed any
-//! more, for good: a task that comes back late has been dead, and what it left behind is not to be trusted. The hardware
-//! resets, and the note of which task it was is in memory that survives the reset.
+//! A task is overdue when its cycle count has not changed for longer than its timeout. From then on the watchdog is
+//! never fed again: the state left by a stalled task is not trustworthy even if it resumes. The hardware resets, and
+//! a crash record that names the task survives the reset.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant};
 
-use super::periodic::Pace;
+use super::periodic::Ticker;
 use super::periods::SUPERVISE_PERIOD;
 use super::shared::Controller;
 use super::task_stats::{AllTaskStats, TaskStats};
 use crate::log::warning;
 
-/// A watched task.
+/// Watched task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs, reason = "each variant is the task of its name")]
@@ -21,58 +21,58 @@ pub enum Task {
     Sample,
     Estimate,
     Publish,
-    Store,
+    Storage,
 }
 
 impl Task {
     /// Every watched task.
-    pub const ALL: [Self; 4] = [Self::Sample, Self::Estimate, Self::Publish, Self::Store];
+    pub const ALL: [Self; 4] = [Self::Sample, Self::Estimate, Self::Publish, Self::Storage];
 
-    /// Name as notes and logs state it.
+    /// Name in crash records and logs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sample => "sample",
             Self::Estimate => "estimate",
             Self::Publish => "publish",
-            Self::Store => "store",
+            Self::Storage => "storage",
         }
     }
 
-    /// Longest time without a turn.
+    /// Longest time without a cycle.
     #[must_use]
-    pub const fn patience(self) -> Duration {
+    pub const fn timeout(self) -> Duration {
         match self {
             Self::Sample => Duration::from_millis(20),
             Self::Estimate => Duration::from_millis(100),
             Self::Publish => Duration::from_secs(1),
-            Self::Store => Duration::from_secs(10),
+            Self::Storage => Duration::from_secs(10),
         }
     }
 
-    fn vital(self, vitals: &AllTaskStats) -> &TaskStats {
+    fn stats(self, task_stats: &AllTaskStats) -> &TaskStats {
         match self {
-            Self::Sample => &vitals.sample,
-            Self::Estimate => &vitals.estimate,
-            Self::Publish => &vitals.publish,
-            Self::Store => &vitals.store,
+            Self::Sample => &task_stats.sample,
+            Self::Estimate => &task_stats.estimate,
+            Self::Publish => &task_stats.publish,
+            Self::Storage => &task_stats.storage,
         }
     }
 }
 
-/// The hardware that resets the controller when it is not fed, and the memory that tells afterwards.
+/// Watchdog hardware, and the memory for its crash record.
 pub trait Watchdog {
-    /// Starts the hardware's time anew.
+    /// Restarts the watchdog's period.
     fn feed(&mut self);
 
-    /// Called once, when a task is overdue: leave a [crash record](crate::diagnostics::crash_log), the reset is near.
+    /// Called once, when a task is overdue: writes a [crash record](crate::diagnostics::crash_log) before the reset.
     fn give_up(&mut self, task: Task);
 }
 
-/// Which tasks have come to their turns.
+/// Supervisor of the tasks' cycle counts.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
-    seen: [(u32, Instant); Task::ALL.len()],
+    observed: [(u32, Instant); Task::ALL.len()],
     overdue: Option<Task>,
 }
 
@@ -80,18 +80,18 @@ impl Supervisor {
     /// At the start of the tasks.
     #[must_use]
     pub const fn new(start: Instant) -> Self {
-        Self { seen: [(0, start); Task::ALL.len()], overdue: None }
+        Self { observed: [(0, start); Task::ALL.len()], overdue: None }
     }
 
-    /// Looks at every task; the first one that is overdue, once found, for good.
-    // Not inlined: the proof of the stacks knows the task by it.
+    /// Checks every task; returns the first overdue one, permanently once found.
+    // Not inlined: the stack analysis identifies the task by this function.
     #[inline(never)]
-    pub fn look(&mut self, vitals: &AllTaskStats, now: Instant) -> Option<Task> {
-        for (task, (turns, since)) in Task::ALL.into_iter().zip(&mut self.seen) {
-            let turns_now = task.vital(vitals).read().turns;
-            if turns_now != *turns {
-                (*turns, *since) = (turns_now, now);
-            } else if now.saturating_duration_since(*since) > task.patience() + SUPERVISE_PERIOD {
+    pub fn check(&mut self, task_stats: &AllTaskStats, now: Instant) -> Option<Task> {
+        for (task, (cycles, since)) in Task::ALL.into_iter().zip(&mut self.observed) {
+            let cycles_now = task.stats(task_stats).read().cycles;
+            if cycles_now != *cycles {
+                (*cycles, *since) = (cycles_now, now);
+            } else if now.saturating_duration_since(*since) > task.timeout() + SUPERVISE_PERIOD {
                 self.overdue.get_or_insert(task);
             }
         }
@@ -99,18 +99,18 @@ impl Supervisor {
     }
 }
 
-/// Supervises for ever.
+/// Runs the supervising task; never returns.
 pub async fn run_supervise<M: RawMutex>(
     controller: &Controller<M>,
     start: Instant,
     watchdog: &mut impl Watchdog,
 ) -> ! {
-    let mut pace = Pace::new(start, SUPERVISE_PERIOD, &controller.vitals.supervise);
+    let mut ticker = Ticker::new(start, SUPERVISE_PERIOD, &controller.task_stats.supervise);
     let mut supervisor = Supervisor::new(start);
     let mut given_up = false;
     loop {
-        let now = pace.turn().await;
-        match supervisor.look(&controller.vitals, now) {
+        let now = ticker.cycle().await;
+        match supervisor.check(&controller.task_stats, now) {
             None => watchdog.feed(),
             Some(task) if !given_up => {
                 warning!("task {} is overdue: the watchdog starves", task.name());

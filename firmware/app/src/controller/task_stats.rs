@@ -1,71 +1,74 @@
-//! How a task is doing: turns, deadlines, lateness, time taken.
+//! Timing statistics of the tasks: cycles, missed deadlines, jitter and execution time.
 //!
-//! Each figure has one task that writes it, so plain loads and stores suffice.
+//! Each figure is written by one task only, so plain loads and stores suffice.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_time::Duration;
 use serde::{Deserialize, Serialize};
 
-/// One task's figures; each stays at its maximum instead of wrapping, but for the turns, which wrap.
+/// Statistics of one task. Every figure saturates, except the cycle count, which wraps.
 #[derive(Debug)]
 pub struct TaskStats {
-    turns: AtomicU32,
+    cycles: AtomicU32,
     missed: AtomicU32,
     skipped: AtomicU32,
-    latest_us: AtomicU32,
-    longest_us: AtomicU32,
+    max_jitter_us: AtomicU32,
+    max_execution_us: AtomicU32,
 }
 
-/// One task's figures at one time.
+/// Statistics of one task at one instant.
+#[doc(alias = "jitter")]
+#[doc(alias = "WCET")]
+#[doc(alias = "execution time")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TaskStatsSnapshot {
-    /// Turns begun since start, modulo 2^32.
-    pub turns: u32,
-    /// Turns that were not done when the next one was due.
+    /// Cycles begun since start, modulo 2^32.
+    pub cycles: u32,
+    /// Cycles that had not ended when the next one was due.
     pub missed: u32,
-    /// Turns that were left out because an earlier one took so long.
+    /// Cycles skipped because an earlier one took too long.
     pub skipped: u32,
-    /// Longest time from when a turn was due to its beginning, us: the jitter.
-    pub latest_us: u32,
-    /// Longest turn, us, with what interrupted it.
-    pub longest_us: u32,
+    /// Longest delay from the due time of a cycle to its start, us.
+    pub max_jitter_us: u32,
+    /// Longest execution time of a cycle including interruptions, us.
+    pub max_execution_us: u32,
 }
 
 impl TaskStats {
     const fn new() -> Self {
         Self {
-            turns: AtomicU32::new(0),
+            cycles: AtomicU32::new(0),
             missed: AtomicU32::new(0),
             skipped: AtomicU32::new(0),
-            latest_us: AtomicU32::new(0),
-            longest_us: AtomicU32::new(0),
+            max_jitter_us: AtomicU32::new(0),
+            max_execution_us: AtomicU32::new(0),
         }
     }
 
-    /// The figures as they stand.
+    /// Present values.
     #[must_use]
     pub fn read(&self) -> TaskStatsSnapshot {
         TaskStatsSnapshot {
-            turns: self.turns.load(Ordering::Relaxed),
+            cycles: self.cycles.load(Ordering::Relaxed),
             missed: self.missed.load(Ordering::Relaxed),
             skipped: self.skipped.load(Ordering::Relaxed),
-            latest_us: self.latest_us.load(Ordering::Relaxed),
-            longest_us: self.longest_us.load(Ordering::Relaxed),
+            max_jitter_us: self.max_jitter_us.load(Ordering::Relaxed),
+            max_execution_us: self.max_execution_us.load(Ordering::Relaxed),
         }
     }
 
-    pub(super) fn begins(&self, late: Duration) {
-        self.turns.store(self.turns.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
-        raise(&self.latest_us, late);
+    pub(super) fn record_start(&self, late: Duration) {
+        self.cycles.store(self.cycles.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+        raise(&self.max_jitter_us, late);
     }
 
-    pub(super) fn took(&self, time: Duration) {
-        raise(&self.longest_us, time);
+    pub(super) fn record_execution(&self, time: Duration) {
+        raise(&self.max_execution_us, time);
     }
 
-    pub(super) fn misses(&self, skipped: u64) {
+    pub(super) fn record_miss(&self, skipped: u64) {
         add(&self.missed, 1);
         add(&self.skipped, skipped);
     }
@@ -81,14 +84,14 @@ fn add(figure: &AtomicU32, more: u64) {
     figure.store(figure.load(Ordering::Relaxed).saturating_add(more), Ordering::Relaxed);
 }
 
-/// Figures of all tasks that the supervisor watches, and of itself.
+/// Statistics of all watched tasks and of the supervisor.
 #[derive(Debug)]
 #[allow(missing_docs, reason = "each field is the task of its name")]
 pub struct AllTaskStats {
     pub sample: TaskStats,
     pub estimate: TaskStats,
     pub publish: TaskStats,
-    pub store: TaskStats,
+    pub storage: TaskStats,
     pub supervise: TaskStats,
 }
 
@@ -98,14 +101,14 @@ impl AllTaskStats {
             sample: TaskStats::new(),
             estimate: TaskStats::new(),
             publish: TaskStats::new(),
-            store: TaskStats::new(),
+            storage: TaskStats::new(),
             supervise: TaskStats::new(),
         }
     }
 
-    /// Every task's figures, in the order of the fields.
+    /// Statistics of every task, in the order of the fields.
     #[must_use]
     pub fn read(&self) -> [TaskStatsSnapshot; 5] {
-        [&self.sample, &self.estimate, &self.publish, &self.store, &self.supervise].map(TaskStats::read)
+        [&self.sample, &self.estimate, &self.publish, &self.storage, &self.supervise].map(TaskStats::read)
     }
 }

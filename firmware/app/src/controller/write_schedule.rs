@@ -1,36 +1,38 @@
-//! What is to be written to flash, and when: the rates that bound its wear.
+//! Schedule of flash writes, with the rates that bound wear.
 //!
-//! Hours and learned health are written once in a period; the fault memory when it has changed, but no oftener than a
-//! ration allows, since troubles can be made to come and go by whoever is on the bus. One record is written in a turn of
-//! the task, so that a turn's length is bounded by one record's.
+//! Operating counters and learned health are written once per period; the fault memory when it has changed, but
+//! limited by a token bucket, since any node on the bus can make faults come and go. One record is written per cycle
+//! of the task, which bounds the cycle's execution time.
 
 use kou_estimator::units::Micros;
 
-/// Rates of writing, as configured.
+/// Rates of writing, unchecked.
+#[doc(alias = "token bucket")]
+#[doc(alias = "wear levelling")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteScheduleConfig {
-    /// Time between two writes of learned health, s: what a power cut may lose of it.
+    /// Time between two writes of learned health, s: the most that a power cut loses of it.
     pub health_s: u32,
-    /// Time between two writes of the hours, s: what a power cut may lose of them.
-    pub life_s: u32,
-    /// Writes of the fault memory that may follow each other, when none has been written for long.
+    /// Time between two writes of the operating counters, s: the most that a power cut loses of them.
+    pub counters_s: u32,
+    /// Writes of the fault memory in immediate succession: capacity of the token bucket.
     pub fault_burst: u8,
     /// Time after which one more write of the fault memory is allowed, s.
     pub fault_refill_s: u32,
 }
 
 impl WriteScheduleConfig {
-    /// Rates for a vehicle: `docs/storage.md` has the years that follow.
-    pub const VEHICLE: Self = Self { health_s: 600, life_s: 600, fault_burst: 6, fault_refill_s: 600 };
+    /// Rates for a vehicle; `docs/storage.md` states the resulting flash lifetime.
+    pub const VEHICLE: Self = Self { health_s: 600, counters_s: 600, fault_burst: 6, fault_refill_s: 600 };
 }
 
-/// Why rates are refused.
+/// Reason for rejecting rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WriteScheduleError {
     /// [`WriteScheduleConfig::health_s`] is not within 1 to 86 400 s.
     Health,
-    /// [`WriteScheduleConfig::life_s`] is not within 1 to 86 400 s.
+    /// [`WriteScheduleConfig::counters_s`] is not within 1 to 86 400 s.
     OperatingCounters,
     /// [`WriteScheduleConfig::fault_burst`] is 0, or [`WriteScheduleConfig::fault_refill_s`] not within 1 to 86 400 s.
     Faults,
@@ -40,7 +42,7 @@ pub enum WriteScheduleError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteScheduleParams {
     health_s: u32,
-    life_s: u32,
+    counters_s: u32,
     fault_burst: u8,
     fault_refill_s: u32,
 }
@@ -49,7 +51,7 @@ impl WriteScheduleParams {
     /// Checks the rates.
     ///
     /// # Errors
-    /// The first that is out of range.
+    /// The first rate out of range.
     pub const fn new(config: &WriteScheduleConfig) -> Result<Self, WriteScheduleError> {
         const fn is_span(seconds: u32) -> bool {
             seconds >= 1 && seconds <= 86_400
@@ -57,71 +59,77 @@ impl WriteScheduleParams {
         if !is_span(config.health_s) {
             return Err(WriteScheduleError::Health);
         }
-        if !is_span(config.life_s) {
+        if !is_span(config.counters_s) {
             return Err(WriteScheduleError::OperatingCounters);
         }
         if config.fault_burst == 0 || !is_span(config.fault_refill_s) {
             return Err(WriteScheduleError::Faults);
         }
-        let WriteScheduleConfig { health_s, life_s, fault_burst, fault_refill_s } = *config;
-        Ok(Self { health_s, life_s, fault_burst, fault_refill_s })
+        let WriteScheduleConfig { health_s, counters_s, fault_burst, fault_refill_s } = *config;
+        Ok(Self { health_s, counters_s, fault_burst, fault_refill_s })
     }
 }
 
-/// Time after the start before which neither faults nor health are written, s: a controller that starts over and over wears
-/// its flash by the few bytes of the hours only.
-const SETTLE_S: u32 = 2;
+/// Time after start before which neither faults nor health are written, s: a controller that restarts repeatedly
+/// wears its flash only by the few bytes of the operating counters.
+const HOLDOFF_S: u32 = 2;
 
-/// What is to be written in a turn.
+/// Record that is due in a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Due {
+pub(super) enum DueWrite {
     Nothing,
     Faults,
     Health,
     OperatingCounters,
 }
 
-/// When what was written last, in seconds since the start.
+/// Times of the last writes, in seconds since start.
 #[derive(Debug, Clone)]
-pub(super) struct Schedule {
+pub(super) struct WriteSchedule {
     params: WriteScheduleParams,
     health_at_s: u32,
-    life_at_s: u32,
+    counters_at_s: u32,
     fault_writes_left: u8,
     refilled_at_s: u32,
 }
 
-impl Schedule {
-    /// At the start, when the hours have just been written.
+impl WriteSchedule {
+    /// At start, when the operating counters have just been written.
     pub const fn new(params: WriteScheduleParams) -> Self {
-        Self { params, health_at_s: 0, life_at_s: 0, fault_writes_left: params.fault_burst, refilled_at_s: 0 }
+        Self {
+            params,
+            health_at_s: 0,
+            counters_at_s: 0,
+            fault_writes_left: params.fault_burst,
+            refilled_at_s: 0,
+        }
     }
 
-    /// What is due at `now`. `faults_changed` and `health_changed`: since they were last written. What is returned counts as
-    /// written, also where the flash refuses: trying without end would wear it most.
-    pub fn due(&mut self, now: Micros, faults_changed: bool, health_changed: bool) -> Due {
+    /// Record that is due at `now`; `faults_changed` and `health_changed` refer to the last write. The returned
+    /// record counts as written even when the flash fails: endless retries would cause the most wear.
+    pub fn due(&mut self, now: Micros, faults_changed: bool, health_changed: bool) -> DueWrite {
         let now_s = u32::try_from(now.0 / 1_000_000).unwrap_or(u32::MAX);
         let since = |at_s: u32| now_s.saturating_sub(at_s);
         if since(self.refilled_at_s) >= self.params.fault_refill_s {
             self.refilled_at_s = now_s;
             self.fault_writes_left = self.fault_writes_left.saturating_add(1).min(self.params.fault_burst);
         }
-        if now_s >= SETTLE_S && faults_changed && self.fault_writes_left > 0 {
+        if now_s >= HOLDOFF_S && faults_changed && self.fault_writes_left > 0 {
             if self.fault_writes_left == self.params.fault_burst {
                 self.refilled_at_s = now_s;
             }
             self.fault_writes_left = self.fault_writes_left.saturating_sub(1);
-            return Due::Faults;
+            return DueWrite::Faults;
         }
-        if now_s >= SETTLE_S && health_changed && since(self.health_at_s) >= self.params.health_s {
+        if now_s >= HOLDOFF_S && health_changed && since(self.health_at_s) >= self.params.health_s {
             self.health_at_s = now_s;
-            return Due::Health;
+            return DueWrite::Health;
         }
-        if since(self.life_at_s) >= self.params.life_s {
-            self.life_at_s = now_s;
-            return Due::OperatingCounters;
+        if since(self.counters_at_s) >= self.params.counters_s {
+            self.counters_at_s = now_s;
+            return DueWrite::OperatingCounters;
         }
-        Due::Nothing
+        DueWrite::Nothing
     }
 }
 
@@ -129,8 +137,8 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    fn schedule() -> Schedule {
-        Schedule::new(WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap())
+    fn schedule() -> WriteSchedule {
+        WriteSchedule::new(WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE).unwrap())
     }
 
     fn seconds(s: u32) -> Micros {
@@ -138,11 +146,11 @@ mod tests {
     }
 
     #[test]
-    fn rates_that_make_no_sense_are_refused_by_name() {
+    fn rates_out_of_range_are_rejected_by_name() {
         let good = WriteScheduleConfig::VEHICLE;
         for (config, why) in [
             (WriteScheduleConfig { health_s: 0, ..good }, WriteScheduleError::Health),
-            (WriteScheduleConfig { life_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
+            (WriteScheduleConfig { counters_s: 86_401, ..good }, WriteScheduleError::OperatingCounters),
             (WriteScheduleConfig { fault_burst: 0, ..good }, WriteScheduleError::Faults),
             (WriteScheduleConfig { fault_refill_s: 0, ..good }, WriteScheduleError::Faults),
         ] {
@@ -151,25 +159,29 @@ mod tests {
     }
 
     #[test]
-    fn troubles_that_come_and_go_for_a_day_are_written_a_bounded_number_of_times() {
+    fn faults_that_come_and_go_for_a_day_cause_a_bounded_number_of_writes() {
         let mut schedule = schedule();
-        let writes = (1..86_400).filter(|s| schedule.due(seconds(*s), true, false) == Due::Faults).count();
+        let writes =
+            (1..86_400).filter(|s| schedule.due(seconds(*s), true, false) == DueWrite::Faults).count();
         assert_eq!(writes, 6 + 86_400 / 600 - 1);
     }
 
     #[test]
-    fn health_and_hours_are_written_once_in_a_period_and_what_has_not_changed_is_not() {
+    fn health_and_counters_are_written_once_per_period_and_unchanged_health_is_not() {
         let mut schedule = schedule();
-        let due: std::vec::Vec<Due> =
+        let due: std::vec::Vec<DueWrite> =
             (1..6_001).map(|s| schedule.due(seconds(s), false, s > 3_000)).collect();
         let count = |what| due.iter().filter(|one| **one == what).count();
-        assert_eq!((count(Due::OperatingCounters), count(Due::Health), count(Due::Faults)), (10, 5, 0));
+        assert_eq!(
+            (count(DueWrite::OperatingCounters), count(DueWrite::Health), count(DueWrite::Faults)),
+            (10, 5, 0)
+        );
     }
 
     #[test]
-    fn a_controller_that_starts_over_and_over_writes_only_its_hours() {
+    fn a_controller_that_restarts_repeatedly_writes_only_its_counters() {
         let mut schedule = schedule();
-        assert_eq!(schedule.due(Micros(1_999_999), true, true), Due::Nothing);
-        assert_eq!(schedule.due(seconds(2), true, true), Due::Faults);
+        assert_eq!(schedule.due(Micros(1_999_999), true, true), DueWrite::Nothing);
+        assert_eq!(schedule.due(seconds(2), true, true), DueWrite::Faults);
     }
 }

@@ -1,9 +1,9 @@
-//! A note to oneself across a reset, in memory that the start-up code leaves alone: why it came to it.
+//! Crash record that survives a reset, in memory that the start-up code does not initialise.
 //!
-//! The board sets [`LEN`] bytes aside in a section without initialisation. Before a reset that the firmware causes, or
-//! expects, [`write()`] fills them; after the start [`take`] reads them once. Memory after power-on holds anything, so a
-//! note is believed only with its mark and its CRC-32. While nothing is noted, the memory holds a mark that the firmware runs: where
-//! that is still there after a reset, the memory was never without supply.
+//! The board reserves [`LEN`] bytes in a section without initialisation. Before a reset that the firmware causes or
+//! expects, [`write()`] fills them; after start [`take`] reads them once. Memory after power-on holds arbitrary
+//! bytes, so a record is valid only with its magic number and CRC-32. Without a record the memory holds the magic
+//! number of running firmware: if that is still present after a reset, the memory has not lost its supply.
 
 use core::fmt;
 
@@ -12,66 +12,66 @@ use serde::{Deserialize, Serialize};
 
 use super::reset_cause::ResetCause;
 
-/// Bytes to set aside.
+/// Bytes to reserve.
 pub const LEN: usize = 160;
 
 const MARK: [u8; 4] = *b"KOUN";
-/// What the memory begins with while the firmware runs; all that follows is zero.
+/// Magic number of running firmware; the rest of the memory is zero.
 const RUNS: [u8; 4] = *b"KOUA";
-/// Offset of the text: mark, CRC, kind, length of the text.
+/// Offset of the text, behind magic number, CRC, kind and length of the text.
 const HEAD: usize = 10;
 
-/// What happened.
+/// Kind of a crash.
 ///
 /// On flash by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Kind {
-    /// The firmware panicked; the text is its message.
+pub enum CrashKind {
+    /// Panic; the text is its message.
     Panic,
-    /// A hard fault; the text tells where.
+    /// Hard fault; the text states the location.
     HardFault,
-    /// A task was overdue; the text is its name.
+    /// Overdue task; the text is its name.
     Overdue,
-    /// A reset that was asked for.
-    Asked,
+    /// Requested reset.
+    Requested,
 }
 
-impl Kind {
-    const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Asked];
+impl CrashKind {
+    const ALL: [Self; 4] = [Self::Panic, Self::HardFault, Self::Overdue, Self::Requested];
 }
 
-/// A note that was left.
+/// Crash record left by the previous run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Note {
-    /// What happened.
-    pub kind: Kind,
-    /// In words, cut where there was no room.
+pub struct CrashRecord {
+    /// Kind of the crash.
+    pub kind: CrashKind,
+    /// Description, truncated to the available room.
     pub text: heapless::String<{ LEN - HEAD }>,
 }
 
-/// Why the controller started: what the note says where there is one, since the hardware sees a panic as a reset that was
-/// asked for; else what the hardware says.
+/// Cause of the reset: that of the crash record if there is one, because the hardware reports a panic as a software
+/// reset; else that of the hardware.
 #[must_use]
-pub fn cause_of(hardware: ResetCause, note: Option<&Note>) -> ResetCause {
-    match note.map(|note| note.kind) {
-        Some(Kind::Panic | Kind::HardFault) => ResetCause::Panic,
-        Some(Kind::Overdue) => ResetCause::Watchdog,
-        Some(Kind::Asked) => ResetCause::Software,
+pub fn reset_cause(hardware: ResetCause, record: Option<&CrashRecord>) -> ResetCause {
+    match record.map(|record| record.kind) {
+        Some(CrashKind::Panic | CrashKind::HardFault) => ResetCause::Panic,
+        Some(CrashKind::Overdue) => ResetCause::Watchdog,
+        Some(CrashKind::Requested) => ResetCause::Software,
         None => hardware,
     }
 }
 
-/// Leaves a note; `tell` gives the text.
-// Not inlined: the proof of the stacks knows it by its name, since what comes after a note is a reset.
+/// Writes a crash record; `describe` supplies the text.
+// Not inlined: the stack analysis identifies it by name, because only a reset follows.
 #[inline(never)]
-pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>)) {
+pub fn write(memory: &mut [u8; LEN], kind: CrashKind, describe: impl FnOnce(&mut CrashText<'_>)) {
     memory.fill(0);
     let (head, body) = memory.split_at_mut(HEAD);
-    let mut text = Text { body, used: 0 };
-    tell(&mut text);
+    let mut text = CrashText { body, used: 0 };
+    describe(&mut text);
     let used = u8::try_from(text.used).unwrap_or(0);
-    let kind = Kind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
+    let kind = CrashKind::ALL.iter().position(|one| *one == kind).and_then(|i| u8::try_from(i).ok());
     if let [.., kind_byte, length] = head {
         (*kind_byte, *length) = (kind.unwrap_or(0), used);
     }
@@ -82,17 +82,17 @@ pub fn write(memory: &mut [u8; LEN], kind: Kind, tell: impl FnOnce(&mut Text<'_>
     }
 }
 
-/// Reads the note, if there is one, and wipes it: from here on the firmware runs.
-pub fn take(memory: &mut [u8; LEN]) -> Option<Note> {
-    let note = read(memory);
+/// Reads and erases the crash record, and marks the memory as that of running firmware.
+pub fn take(memory: &mut [u8; LEN]) -> Option<CrashRecord> {
+    let record = read(memory);
     memory.fill(0);
     for (byte, mark) in memory.iter_mut().zip(RUNS) {
         *byte = mark;
     }
-    note
+    record
 }
 
-/// Whether the memory still holds what the run before left; to be asked before [`take`].
+/// Whether the memory has retained its content since the previous run; to be called before [`take`].
 #[must_use]
 pub fn has_survived(memory: &[u8; LEN]) -> bool {
     let runs = memory.split_first_chunk::<4>();
@@ -100,14 +100,14 @@ pub fn has_survived(memory: &[u8; LEN]) -> bool {
         || read(memory).is_some()
 }
 
-/// What a reset by a low supply was. The hardware says the same of a supply that came and of one that fell for a moment; but
-/// memory without supply forgets, within a second or so.
+/// Cause of a reset by low supply. The hardware reports power-on and a short brown-out alike, but memory without
+/// supply loses its content within about a second.
 #[must_use]
 pub const fn supply_reset(has_survived: bool) -> ResetCause {
     if has_survived { ResetCause::BrownOut } else { ResetCause::PowerOn }
 }
 
-fn read(memory: &[u8; LEN]) -> Option<Note> {
+fn read(memory: &[u8; LEN]) -> Option<CrashRecord> {
     let (mark, rest) = memory.split_first_chunk::<4>()?;
     let (crc, rest) = rest.split_first_chunk::<4>()?;
     if *mark != MARK || u32::from_le_bytes(*crc) != crc32(rest) {
@@ -115,26 +115,29 @@ fn read(memory: &[u8; LEN]) -> Option<Note> {
     }
     let (&[kind, length], body) = rest.split_first_chunk::<2>()?;
     let text = core::str::from_utf8(body.get(..usize::from(length))?).ok()?;
-    Some(Note { kind: *Kind::ALL.get(usize::from(kind))?, text: heapless::String::try_from(text).ok()? })
+    Some(CrashRecord {
+        kind: *CrashKind::ALL.get(usize::from(kind))?,
+        text: heapless::String::try_from(text).ok()?,
+    })
 }
 
-/// The text of a note; what has no room is cut at a whole character. It can be formatted into ([`fmt::Write`]), but a board with
-/// little flash had better not: formatting takes kilobytes.
+/// Text of a crash record, truncated at a character boundary. It implements [`fmt::Write`], but formatting takes
+/// kilobytes of flash.
 #[derive(Debug)]
-pub struct Text<'a> {
+pub struct CrashText<'a> {
     body: &'a mut [u8],
     used: usize,
 }
 
-impl Text<'_> {
-    /// Adds a text.
+impl CrashText<'_> {
+    /// Appends a text.
     pub fn push(&mut self, text: &str) -> &mut Self {
         for character in text.chars() {
             let mut bytes = [0; 4];
             let bytes = character.encode_utf8(&mut bytes).as_bytes();
             let end = self.used.saturating_add(bytes.len());
             let Some(room) = self.body.get_mut(self.used..end) else {
-                // Nothing behind the cut, or it would seem to follow what is before it.
+                // Append nothing behind a truncation: it would seem to continue the text before it.
                 self.body = &mut [];
                 break;
             };
@@ -144,7 +147,7 @@ impl Text<'_> {
         self
     }
 
-    /// Adds eight hexadecimal digits.
+    /// Appends eight hexadecimal digits.
     pub fn push_hex(&mut self, number: u32) -> &mut Self {
         for place in (0..8).rev() {
             let digit = (number >> (4 * place)) & 0xF;
@@ -155,7 +158,7 @@ impl Text<'_> {
     }
 }
 
-impl fmt::Write for Text<'_> {
+impl fmt::Write for CrashText<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         self.push(text);
         Ok(())
@@ -171,45 +174,45 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_note_survives_as_it_was_left_and_is_read_once() {
+    fn crash_record_survives_and_is_read_once() {
         let mut memory = [0xA5; LEN];
-        for kind in [Kind::Panic, Kind::HardFault, Kind::Overdue, Kind::Asked] {
+        for kind in [CrashKind::Panic, CrashKind::HardFault, CrashKind::Overdue, CrashKind::Requested] {
             write(&mut memory, kind, |text| {
                 text.push("index out of bounds at src/x.rs:12");
             });
-            let note = take(&mut memory).unwrap();
-            assert_eq!((note.kind, note.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
+            let record = take(&mut memory).unwrap();
+            assert_eq!((record.kind, record.text.as_str()), (kind, "index out of bounds at src/x.rs:12"));
             assert_eq!(take(&mut memory), None);
         }
-        // Too long: cut, and not within a character.
+        // Too long: truncated, and not within a character.
         let long = ["y", &"ü".repeat(200)].concat();
-        write(&mut memory, Kind::Panic, |text| {
+        write(&mut memory, CrashKind::Panic, |text| {
             text.push(&long).push("x");
         });
-        let note = take(&mut memory).unwrap();
-        assert!(note.text.len() >= LEN - 12 && long.starts_with(note.text.as_str()), "{}", note.text);
+        let record = take(&mut memory).unwrap();
+        assert!(record.text.len() >= LEN - 12 && long.starts_with(record.text.as_str()), "{}", record.text);
     }
 
     #[test]
-    fn a_supply_that_fell_for_a_moment_is_told_from_one_that_came() {
+    fn brown_out_is_distinguished_from_power_on() {
         let mut memory = [0xA5; LEN];
         assert_eq!(supply_reset(has_survived(&memory)), ResetCause::PowerOn);
         assert_eq!(take(&mut memory), None);
-        // It runs, and is reset without a note.
+        // Running firmware that is reset without a record.
         assert_eq!(supply_reset(has_survived(&memory)), ResetCause::BrownOut);
         for bit in 0..LEN * 8 {
             let mut forgetting = memory;
             forgetting[bit / 8] ^= 1 << (bit % 8);
             assert!(!has_survived(&forgetting), "bit {bit}");
         }
-        write(&mut memory, Kind::Panic, |_| ());
-        assert!(has_survived(&memory), "a note has survived as well");
+        write(&mut memory, CrashKind::Panic, |_| ());
+        assert!(has_survived(&memory), "a crash record has survived as well");
     }
 
     #[test]
-    fn every_single_wrong_bit_of_a_note_is_noticed() {
+    fn every_single_wrong_bit_is_detected() {
         let mut memory = [0; LEN];
-        write(&mut memory, Kind::Overdue, |text| {
+        write(&mut memory, CrashKind::Overdue, |text| {
             text.push("estimate");
         });
         for bit in 0..LEN * 8 {
@@ -221,7 +224,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn prop_memory_after_power_on_holds_no_note(bytes in prop::collection::vec(any::<u8>(), LEN)) {
+        fn prop_memory_after_power_on_holds_no_record(bytes in prop::collection::vec(any::<u8>(), LEN)) {
             let mut memory = [0; LEN];
             memory.copy_from_slice(&bytes);
             prop_assert!(!has_survived(&memory));

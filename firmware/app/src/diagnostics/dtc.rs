@@ -1,69 +1,73 @@
-//! What can go wrong, and the trouble code (SPN and FMI of J1939-73) that says so.
+//! Diagnostic faults and their trouble codes (DTC: SPN and FMI of SAE J1939-73).
 //!
-//! Code and trouble code belong to each other one to one, so a memory written as trouble codes is read again whatever
-//! has been added since. SPNs from 520192 on are free for the manufacturer.
+//! Fault and trouble code map one to one, so a memory of trouble codes remains readable whatever faults are added.
+//! SPNs from 520192 on are reserved for manufacturers.
 
 use kou_estimator::{Channel, Fault};
 use serde::{Deserialize, Serialize};
 
 use super::update_rejection::RejectReason;
 
-/// First SPN of the controller's own.
+/// First manufacturer-specific SPN of this controller.
 const OWN: u32 = 520_192;
-/// SPN of a refused update, less the number of the refusal.
-const OWN_REFUSALS: u32 = OWN + 16;
+/// SPN of a rejected update minus the number of its reason.
+const OWN_REJECTIONS: u32 = OWN + 16;
 
-/// Something that can go wrong.
+/// Diagnostic fault of the controller.
+///
+/// The host's reports print the variants by their `Debug` names.
+#[doc(alias = "diagnostic fault")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Code {
-    /// A channel has no usable value. [`Fault::NotFitted`] is no trouble and has no code.
+pub enum FaultCode {
+    /// Channel without a usable value. [`Fault::NotFitted`] is not a fault of this kind and has no code.
     Sensor(Channel, Fault),
-    /// The machine leaks more than it did, and nothing but leakage explains it.
+    /// Increased leakage that only wear explains.
     Wear,
-    /// A sensor, the displacement or the oil explains a change of what is seen.
+    /// Change that a sensor, the displacement or the oil explains.
     SensorSuspect,
-    /// A calibration update was refused.
+    /// Rejected calibration update.
     UpdateRefused(RejectReason),
-    /// The stored calibration could not be read; the default is in use.
+    /// Unreadable stored calibration; the default is in use.
     CalibrationLost,
-    /// The flash refused to be written or read.
+    /// Failed read or write of the flash.
     StorageFailed,
-    /// The supply fell below its limit.
+    /// Supply voltage below its limit.
     BrownOut,
-    /// The watchdog restarted the controller.
+    /// Restart by the watchdog.
     Watchdog,
-    /// The firmware stopped itself.
+    /// Stop by the firmware itself.
     Panic,
-    /// A task missed its deadline.
+    /// Missed deadline of a task.
     Overrun,
-    /// No frame came from the bus for its time-out.
+    /// No frame received for the bus timeout.
     BusSilent,
-    /// The source address was lost and no other is left.
+    /// Source address lost and no other one available.
     AddressLost,
 }
 
-/// A trouble code: suspect parameter number (19 bits) and failure mode identifier (5 bits).
+/// Diagnostic trouble code: suspect parameter number (19 bits) and failure mode identifier (5 bits).
+#[doc(alias = "diagnostic trouble code")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Dtc {
-    /// What.
+    /// Suspect parameter number.
     pub spn: u32,
-    /// In which way.
+    /// Failure mode identifier.
     pub fmi: u8,
 }
 
-/// The lamp that a trouble lights.
+/// Lamp that an active fault lights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lamp {
-    /// None: recorded for the workshop.
+    /// None: recorded for the workshop only.
     None,
-    /// Amber warning lamp: to be looked at; the drive is not disturbed.
+    /// Amber warning lamp: service needed, the drive is not disturbed.
     Amber,
 }
 
-impl Code {
-    /// Every code, each once.
+impl FaultCode {
+    /// Every fault, each once.
     pub fn all() -> impl Iterator<Item = Self> {
         let sensors = Channel::ALL.into_iter().flat_map(|channel| {
             Fault::ALL
@@ -71,7 +75,7 @@ impl Code {
                 .filter(|fault| *fault != Fault::NotFitted)
                 .map(move |fault| Self::Sensor(channel, fault))
         });
-        let refusals = RejectReason::ALL.into_iter().map(Self::UpdateRefused);
+        let rejections = RejectReason::ALL.into_iter().map(Self::UpdateRefused);
         let others = [
             Self::Wear,
             Self::SensorSuspect,
@@ -84,10 +88,10 @@ impl Code {
             Self::BusSilent,
             Self::AddressLost,
         ];
-        sensors.chain(refusals).chain(others)
+        sensors.chain(rejections).chain(others)
     }
 
-    /// Its trouble code.
+    /// Trouble code of the fault.
     #[must_use]
     pub const fn dtc(self) -> Dtc {
         let (spn, fmi) = match self {
@@ -97,7 +101,7 @@ impl Code {
             // Out of calibration.
             Self::SensorSuspect => (OWN + 1, 13),
             // Condition exists.
-            Self::UpdateRefused(refusal) => (OWN_REFUSALS + refusal.number() as u32, 31),
+            Self::UpdateRefused(reason) => (OWN_REJECTIONS + reason.number() as u32, 31),
             // Calibration memory: out of calibration, and failed.
             Self::CalibrationLost => (630, 13),
             Self::StorageFailed => (630, 12),
@@ -114,13 +118,13 @@ impl Code {
         Dtc { spn, fmi }
     }
 
-    /// The code of a trouble code; nothing when this version knows none.
+    /// Fault of a trouble code; `None` for a code that this version does not know.
     #[must_use]
     pub fn from_dtc(dtc: Dtc) -> Option<Self> {
         Self::all().find(|code| code.dtc() == dtc)
     }
 
-    /// The lamp that it lights while it is active.
+    /// Lamp lit while the fault is active.
     #[must_use]
     pub const fn lamp(self) -> Lamp {
         match self {
@@ -160,21 +164,21 @@ const fn fault_fmi(fault: Fault) -> u8 {
         Fault::Open => 5,
         // Current above normal or grounded circuit.
         Fault::Short => 6,
-        // Mechanical system not responding: the nearest to a signal that stands still.
+        // Mechanical system not responding: the closest to a constant signal.
         Fault::Stuck => 7,
         // Abnormal update rate.
         Fault::Stale => 9,
         // Abnormal rate of change.
         Fault::Rate => 10,
-        // Out of calibration: the nearest to a value that the other sensors contradict.
+        // Out of calibration: the closest to a value that other sensors contradict.
         Fault::Implausible => 13,
         // Bad intelligent device or component.
         Fault::NotFinite => 12,
-        // Received network data in error: a time stamp that cannot be.
+        // Received network data in error: an impossible time stamp.
         Fault::Future => 19,
         // Condition exists.
         Fault::Missing => 31,
-        // Root cause not known; no trouble is ever reported with it.
+        // Root cause not known; never reported.
         Fault::NotFitted => 11,
     }
 }
@@ -184,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_and_trouble_codes_belong_to_each_other_one_to_one() {
+    fn faults_and_trouble_codes_map_one_to_one() {
         let mut count = 0;
         for code in FaultCode::all() {
             let dtc = code.dtc();

@@ -1,9 +1,8 @@
-//! The memory of troubles: which are active, which were, how often, and what was measured when they first and last
-//! occurred.
+//! Fault memory: active and previous trouble codes, their occurrence counts and freeze frames.
 //!
-//! It holds [`CAPACITY`] troubles. When it is full, a new one takes the place of the least important: first refused
-//! updates, so that nobody on the bus can push out what happened to the machine, then those no longer active, the
-//! longest ago first. Active ones are never pushed out; what finds no place is counted.
+//! It holds [`CAPACITY`] entries. When it is full, a new entry replaces the least important one: first rejected
+//! updates, so that no node on the bus can displace faults of the machine, then inactive entries, the oldest first.
+//! Active entries are never displaced; faults without room are counted.
 
 use heapless::Vec;
 use kou_estimator::Sample;
@@ -11,17 +10,19 @@ use kou_estimator::health::DtcStatus;
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use serde::{Deserialize, Serialize};
 
-use super::dtc::{Code, Dtc, Lamp};
+use super::dtc::{Dtc, FaultCode, Lamp};
 
-/// Troubles that the memory holds.
+/// Capacity of the memory.
 pub const CAPACITY: usize = 12;
-/// Largest number of occurrences: what DM1 can tell.
+/// Largest occurrence count that DM1 can report.
 const OCCURRENCES_MAX: u8 = 126;
 
-/// What was measured at one moment; kept in whole steps, so that a memory of twelve fits a flash page.
+/// Freeze frame: measured values at the time of a fault, stored in whole steps so that a full memory fits a flash
+/// page.
+#[doc(alias = "snapshot")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Snapshot {
+pub struct FreezeFrame {
     /// Operating time of the controller, in seconds.
     pub operating_s: u32,
     pump_speed_rpm: Option<i16>,
@@ -31,16 +32,16 @@ pub struct Snapshot {
     displacement_1e4: Option<i16>,
 }
 
-/// A value in whole steps; nothing where there is no value or where it does not fit.
+/// Value in whole steps; `None` for a missing value and for one out of range.
 fn steps(value: f32, per_step: f32) -> Option<i16> {
     let scaled = value / per_step;
     let rounded = if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 };
-    // The bounds keep the cast exact; NaN is on neither side.
+    // The bounds make the cast exact; NaN fails both comparisons.
     (rounded > -32_768.0 && rounded < 32_767.0).then_some(rounded as i16)
 }
 
-impl Snapshot {
-    /// The readings of a sample at this operating time.
+impl FreezeFrame {
+    /// Freeze frame of a sample at this operating time.
     #[must_use]
     pub fn of(operating_s: u32, sample: &Sample) -> Self {
         Self {
@@ -53,7 +54,7 @@ impl Snapshot {
         }
     }
 
-    /// Operating time only, where nothing was measured.
+    /// Operating time only, without a sample.
     #[must_use]
     pub const fn at(operating_s: u32) -> Self {
         Self {
@@ -97,69 +98,69 @@ impl Snapshot {
     }
 }
 
-/// One trouble in the memory.
+/// Entry of the fault memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Entry {
-    /// Its trouble code.
+pub struct DtcEntry {
+    /// Trouble code.
     pub dtc: Dtc,
-    /// Whether it is there now (DM1), or was (DM2).
+    /// Whether the fault is active (DM1) or previous (DM2).
     pub active: bool,
-    /// How often it came, 1 to 126.
+    /// Occurrence count, 1 to 126.
     pub occurrences: u8,
-    /// What was measured when it first came.
-    pub first: Snapshot,
-    /// What was measured when it last came.
-    pub last: Snapshot,
+    /// Freeze frame of the first occurrence.
+    pub first: FreezeFrame,
+    /// Freeze frame of the last occurrence.
+    pub last: FreezeFrame,
 }
 
-/// A trouble as it is told, without what was measured.
+/// Trouble code as reported on the bus, without freeze frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Trouble {
-    /// Its trouble code.
+pub struct DtcReport {
+    /// Trouble code.
     pub dtc: Dtc,
-    /// Whether it is there now (DM1), or was (DM2).
+    /// Whether the fault is active (DM1) or previous (DM2).
     pub active: bool,
-    /// How often it came, 1 to 126.
+    /// Occurrence count, 1 to 126.
     pub occurrences: u8,
 }
 
-/// All troubles as they are told: a small copy of the memory, because making lists of it takes longer than other tasks may be
-/// locked out.
+/// Trouble codes as reported on the bus: a small copy of the memory, because building messages from it takes longer
+/// than other tasks may be locked out.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Troubles(Vec<Trouble, CAPACITY>);
+pub struct DtcList(Vec<DtcReport, CAPACITY>);
 
-impl Troubles {
-    /// All of them, in the memory's order.
+impl DtcList {
+    /// Trouble codes in the memory's order.
     #[must_use]
-    pub fn all(&self) -> &[Trouble] {
+    pub fn all(&self) -> &[DtcReport] {
         &self.0
     }
 
-    /// Whether any is there now.
+    /// Whether any fault is active.
     #[must_use]
     pub fn has_active(&self) -> bool {
-        self.0.iter().any(|trouble| trouble.active)
+        self.0.iter().any(|report| report.active)
     }
 
-    /// The lamp that the active ones light.
+    /// Lamp lit by the active faults.
     #[must_use]
     pub fn lamp(&self) -> Lamp {
-        let lit = |trouble: &Trouble| {
-            trouble.active && FaultCode::from_dtc(trouble.dtc).map(Code::lamp) == Some(Lamp::Amber)
+        let lit = |report: &DtcReport| {
+            report.active && FaultCode::from_dtc(report.dtc).map(FaultCode::lamp) == Some(Lamp::Amber)
         };
         if self.0.iter().any(lit) { Lamp::Amber } else { Lamp::None }
     }
 }
 
-impl Entry {
-    /// What it is, where this version knows.
+impl DtcEntry {
+    /// Fault of the entry, if this version knows its code.
     #[must_use]
-    pub fn code(&self) -> Option<Code> {
+    pub fn code(&self) -> Option<FaultCode> {
         FaultCode::from_dtc(self.dtc)
     }
 
-    /// How much it is worth keeping: the larger, the more.
+    /// Retention rank: the larger, the more important.
     fn rank(&self) -> (u8, u32) {
         let importance = match self.code() {
             _ if self.active => 2,
@@ -170,83 +171,87 @@ impl Entry {
     }
 }
 
-/// The memory.
+/// Fault memory.
+#[doc(alias = "DTC memory")]
+#[doc(alias = "error memory")]
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FaultMemory {
-    entries: Vec<Entry, CAPACITY>,
-    /// Troubles that found no place; stays at its maximum.
+    entries: Vec<DtcEntry, CAPACITY>,
+    /// Faults for which there was no room; saturates.
     lost: u16,
     #[serde(skip)]
     changed: bool,
 }
 
 impl FaultMemory {
-    /// Nothing has happened yet.
+    /// Empty memory.
     #[must_use]
     pub const fn new() -> Self {
         Self { entries: Vec::new(), lost: 0, changed: false }
     }
 
-    /// All troubles, in no particular order.
+    /// Every entry, in no particular order.
     #[must_use]
-    pub fn entries(&self) -> &[Entry] {
+    pub fn entries(&self) -> &[DtcEntry] {
         &self.entries
     }
 
-    /// Troubles that are there now.
-    pub fn active(&self) -> impl Iterator<Item = &Entry> {
+    /// Entries of active faults.
+    pub fn active(&self) -> impl Iterator<Item = &DtcEntry> {
         self.entries.iter().filter(|entry| entry.active)
     }
 
-    /// Troubles that were.
-    pub fn previous(&self) -> impl Iterator<Item = &Entry> {
+    /// Entries of previous faults.
+    pub fn previous(&self) -> impl Iterator<Item = &DtcEntry> {
         self.entries.iter().filter(|entry| !entry.active)
     }
 
-    /// The entry of a code.
+    /// Entry of a fault.
     #[must_use]
-    pub fn get(&self, code: Code) -> Option<&Entry> {
+    pub fn get(&self, code: FaultCode) -> Option<&DtcEntry> {
         let dtc = code.dtc();
         self.entries.iter().find(|entry| entry.dtc == dtc)
     }
 
-    /// Troubles that found no place.
+    /// Number of faults for which there was no room.
     #[must_use]
     pub fn lost(&self) -> u16 {
         self.lost
     }
 
-    /// All troubles as they are told.
+    /// Trouble codes as reported on the bus.
     #[must_use]
-    pub fn troubles(&self) -> Troubles {
-        let short =
-            |entry: &Entry| Trouble { dtc: entry.dtc, active: entry.active, occurrences: entry.occurrences };
-        Troubles(self.entries.iter().map(short).collect())
+    pub fn reports(&self) -> DtcList {
+        let short = |entry: &DtcEntry| DtcReport {
+            dtc: entry.dtc,
+            active: entry.active,
+            occurrences: entry.occurrences,
+        };
+        DtcList(self.entries.iter().map(short).collect())
     }
 
-    /// Whether anything has changed since this was last asked; the storage task asks before it writes. Not more often
-    /// than every ten seconds, say: what is on the bus must not wear out the flash.
+    /// Whether anything has changed since the last call; called by the storage task before a write. The task limits
+    /// its rate, since faults caused by other nodes must not wear out the flash.
     pub fn take_changed(&mut self) -> bool {
         core::mem::take(&mut self.changed)
     }
 
-    /// A debounced trouble stands at this stage now. To be called whenever it may have changed; calls that change nothing
-    /// change nothing here.
-    pub fn follows(&mut self, code: Code, stage: DtcStatus, snapshot: Snapshot) {
+    /// Sets the status of a debounced fault. May be called at any rate; an unchanged status has no effect.
+    pub fn set_status(&mut self, code: FaultCode, stage: DtcStatus, snapshot: FreezeFrame) {
         match stage {
-            DtcStatus::Confirmed => self.confirmed(code, snapshot),
-            DtcStatus::Healed | DtcStatus::Absent => self.healed(code),
+            DtcStatus::Confirmed => self.confirm(code, snapshot),
+            DtcStatus::Healed | DtcStatus::Absent => self.heal(code),
             DtcStatus::Pending => {}
         }
     }
 
-    /// A trouble is there. Counted once until it has healed.
-    pub fn confirmed(&mut self, code: Code, snapshot: Snapshot) {
-        self.occurs(code, snapshot, true);
+    /// Confirms a fault. Counted once until it heals.
+    pub fn confirm(&mut self, code: FaultCode, snapshot: FreezeFrame) {
+        self.record(code, snapshot, true);
     }
 
-    /// A trouble is no longer there.
-    pub fn healed(&mut self, code: Code) {
+    /// Heals a fault.
+    pub fn heal(&mut self, code: FaultCode) {
         let dtc = code.dtc();
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == dtc && entry.active) {
             entry.active = false;
@@ -254,13 +259,13 @@ impl FaultMemory {
         }
     }
 
-    /// Something happened that has no duration: a refused update, a restart.
-    pub fn happened(&mut self, code: Code, snapshot: Snapshot) {
-        self.occurs(code, snapshot, false);
+    /// Records an event without duration: a rejected update, a restart.
+    pub fn record_event(&mut self, code: FaultCode, snapshot: FreezeFrame) {
+        self.record(code, snapshot, false);
     }
 
-    /// Takes over what an earlier run left in flash; what has happened in this run already comes on top. Nothing of the
-    /// earlier run is active any more: what is still there occurs anew. What was here before is left in the place of `stored`.
+    /// Merges the memory that an earlier run left in flash with the present one. No fault of the earlier run remains
+    /// active: one that persists occurs anew. `stored` is left with the previous content of this memory.
     pub fn restore(&mut self, stored: &mut Self) {
         core::mem::swap(self, stored);
         let since_start = stored;
@@ -270,11 +275,11 @@ impl FaultMemory {
         self.lost = self.lost.saturating_add(since_start.lost);
         self.changed |= since_start.changed;
         for entry in &since_start.entries {
-            self.takes(entry);
+            self.merge(entry);
         }
     }
 
-    /// Forgets every trouble that is not active, as the workshop's "clear" does.
+    /// Erases every inactive entry, as the service function "clear" does.
     pub fn clear_previous(&mut self) {
         let before = self.entries.len();
         self.entries.retain(|entry| entry.active);
@@ -282,13 +287,13 @@ impl FaultMemory {
         self.lost = 0;
     }
 
-    fn occurs(&mut self, code: Code, snapshot: Snapshot, active: bool) {
+    fn record(&mut self, code: FaultCode, snapshot: FreezeFrame, active: bool) {
         let dtc = code.dtc();
-        self.takes(&Entry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
+        self.merge(&DtcEntry { dtc, active, occurrences: 1, first: snapshot, last: snapshot });
     }
 
-    /// Adds occurrences of a trouble to those that are known, or finds a place for the first ones.
-    fn takes(&mut self, new: &Entry) {
+    /// Adds occurrences to the entry of the same code, or makes room for a new entry.
+    fn merge(&mut self, new: &DtcEntry) {
         if let Some(entry) = self.entries.iter_mut().find(|entry| entry.dtc == new.dtc) {
             if entry.active && new.active {
                 return;
@@ -303,7 +308,7 @@ impl FaultMemory {
         let Err(entry) = self.entries.push(*new) else { return };
         let least = self.entries.iter_mut().min_by_key(|entry| entry.rank());
         match least {
-            // What is worth no more than the least there is does not push it out: the first to come stay.
+            // An entry of equal importance does not displace the oldest one.
             Some(least) if least.rank().0 < 2 && least.rank().0 <= entry.rank().0 => *least = entry,
             _ => self.lost = self.lost.saturating_add(1),
         }
@@ -318,72 +323,72 @@ mod tests {
     use super::*;
     use crate::diagnostics::RejectReason;
 
-    fn sensor(fault: Fault) -> Code {
+    fn sensor(fault: Fault) -> FaultCode {
         FaultCode::Sensor(Channel::HighPressure, fault)
     }
 
     #[test]
-    fn first_and_last_snapshot_and_number_of_occurrences_are_kept() {
+    fn first_and_last_freeze_frame_and_occurrences_are_stored() {
         let mut memory = FaultMemory::new();
         let code = sensor(Fault::Open);
         let mut sample = Sample::empty(Micros(0));
         sample.pump_speed = Reading::new(Micros(0), RevPerMin(1499.6));
         sample.displacement = Reading::new(Micros(0), Ratio(-0.5));
-        memory.confirmed(code, FreezeFrame::of(100, &sample));
-        memory.confirmed(code, FreezeFrame::at(101));
+        memory.confirm(code, FreezeFrame::of(100, &sample));
+        memory.confirm(code, FreezeFrame::at(101));
         assert_eq!(memory.get(code).unwrap().occurrences, 1, "still the same one");
-        memory.follows(code, DtcStatus::Pending, FreezeFrame::at(150));
+        memory.set_status(code, DtcStatus::Pending, FreezeFrame::at(150));
         assert_eq!(memory.active().count(), 1);
-        memory.follows(code, DtcStatus::Healed, FreezeFrame::at(200));
+        memory.set_status(code, DtcStatus::Healed, FreezeFrame::at(200));
         assert_eq!((memory.active().count(), memory.previous().count()), (0, 1));
-        memory.confirmed(code, FreezeFrame::at(300));
+        memory.confirm(code, FreezeFrame::at(300));
         let entry = memory.get(code).unwrap();
         assert_eq!((entry.occurrences, entry.first.operating_s, entry.last.operating_s), (2, 100, 300));
         assert_eq!(entry.first.pump_speed(), Some(RevPerMin(1500.0)));
         assert_eq!(entry.first.displacement(), Some(Ratio(-0.5)));
         assert_eq!(entry.first.high_pressure(), None);
-        assert_eq!(memory.troubles().lamp(), Lamp::Amber);
+        assert_eq!(memory.reports().lamp(), Lamp::Amber);
         assert!(memory.take_changed() && !memory.take_changed());
     }
 
     #[test]
-    fn refused_updates_cannot_push_out_what_happened_to_the_machine() {
+    fn rejected_updates_cannot_displace_faults_of_the_machine() {
         let mut memory = FaultMemory::new();
-        memory.confirmed(sensor(Fault::Open), FreezeFrame::at(1));
-        memory.happened(FaultCode::Watchdog, FreezeFrame::at(2));
+        memory.confirm(sensor(Fault::Open), FreezeFrame::at(1));
+        memory.record_event(FaultCode::Watchdog, FreezeFrame::at(2));
         for round in 0..10 {
-            for refusal in RejectReason::ALL {
-                memory.happened(FaultCode::UpdateRefused(refusal), FreezeFrame::at(10 + round));
+            for reason in RejectReason::ALL {
+                memory.record_event(FaultCode::UpdateRefused(reason), FreezeFrame::at(10 + round));
             }
         }
         assert!(memory.get(sensor(Fault::Open)).is_some() && memory.get(FaultCode::Watchdog).is_some());
         assert_eq!(memory.entries().len(), CAPACITY);
-        // And what happens to the machine finds a place in the full memory.
-        memory.confirmed(FaultCode::Wear, FreezeFrame::at(50));
+        // A fault of the machine still finds room in the full memory.
+        memory.confirm(FaultCode::Wear, FreezeFrame::at(50));
         assert!(memory.get(FaultCode::Wear).is_some());
     }
 
     #[test]
-    fn active_troubles_are_never_pushed_out_and_the_rest_is_counted() {
+    fn active_faults_are_never_displaced_and_others_are_counted() {
         let mut memory = FaultMemory::new();
-        let codes: std::vec::Vec<Code> = FaultCode::all().take(CAPACITY + 3).collect();
+        let codes: std::vec::Vec<FaultCode> = FaultCode::all().take(CAPACITY + 3).collect();
         for (i, code) in codes.iter().enumerate() {
-            memory.confirmed(*code, FreezeFrame::at(i as u32));
+            memory.confirm(*code, FreezeFrame::at(i as u32));
         }
         assert!(codes[..CAPACITY].iter().all(|code| memory.get(*code).is_some()));
         assert_eq!(memory.lost(), 3);
-        memory.healed(codes[4]);
-        memory.confirmed(codes[CAPACITY], FreezeFrame::at(99));
+        memory.heal(codes[4]);
+        memory.confirm(codes[CAPACITY], FreezeFrame::at(99));
         assert!(memory.get(codes[4]).is_none() && memory.get(codes[CAPACITY]).is_some());
         memory.clear_previous();
         assert_eq!((memory.entries().len(), memory.lost()), (CAPACITY, 0));
     }
 
     #[test]
-    fn occurrences_stay_at_what_the_bus_can_tell() {
+    fn occurrences_saturate_at_the_maximum_of_the_bus() {
         let mut memory = FaultMemory::new();
         for i in 0..1000 {
-            memory.happened(FaultCode::Watchdog, FreezeFrame::at(i));
+            memory.record_event(FaultCode::Watchdog, FreezeFrame::at(i));
         }
         assert_eq!(memory.get(FaultCode::Watchdog).unwrap().occurrences, 126);
     }

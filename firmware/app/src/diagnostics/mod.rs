@@ -19,8 +19,8 @@ pub mod dtc_memory;
 pub mod reset_cause;
 pub mod update_rejection;
 
-pub use crash_log::Note;
-pub use dtc::{Code, Dtc, Lamp};
-pub use dtc_memory::{CAPACITY, Entry, FaultMemory, Snapshot, Trouble, Troubles};
+pub use crash_log::CrashRecord;
+pub use dtc::{Dtc, FaultCode, Lamp};
+pub use dtc_memory::{CAPACITY, DtcEntry, DtcList, DtcReport, FaultMemory, FreezeFrame};
 pub use reset_cause::ResetCause;
 pub use update_rejection::RejectReason;

@@ -2,34 +2,34 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::dtc::Code;
+use super::dtc::FaultCode;
 
-/// Why the controller (re)started, as its hardware tells; a [note](crate::diagnostics::crash_log) may know better. On flash by
-/// position: append only.
+/// Cause of a reset as reported by the hardware; a [crash record](crate::diagnostics::crash_log) may be more precise.
+/// Stored in flash by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ResetCause {
-    /// The supply came.
+    /// Power-on.
     #[default]
     PowerOn,
-    /// The supply fell below its limit.
+    /// Supply voltage below its limit.
     BrownOut,
-    /// The watchdog.
+    /// Watchdog.
     Watchdog,
-    /// The firmware, on request.
+    /// Reset requested by the firmware.
     Software,
-    /// The reset pin.
+    /// Reset pin.
     Pin,
-    /// The firmware stopped itself.
+    /// Stop by the firmware itself.
     Panic,
-    /// The hardware does not say.
+    /// Not reported by the hardware.
     Unknown,
 }
 
 impl ResetCause {
-    /// The trouble that a start from this cause is, if any.
+    /// Fault that a reset of this cause represents, if any.
     #[must_use]
-    pub const fn trouble(self) -> Option<Code> {
+    pub const fn fault_code(self) -> Option<FaultCode> {
         match self {
             Self::BrownOut => Some(FaultCode::BrownOut),
             Self::Watchdog => Some(FaultCode::Watchdog),

@@ -1,50 +1,51 @@
-//! Why an update, or a step of one, is refused.
+//! Reasons for rejecting a calibration update.
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Why an update is refused. The number goes over the bus and into the trouble's SPN: append only.
+/// Reason for rejecting an update or one of its steps. The number is part of the bus protocol and of the fault's SPN:
+/// append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum RejectReason {
     /// Another tool's transfer is under way.
     Busy = 1,
-    /// The drive is loaded, or it is not known that it is not.
+    /// The drive is loaded, or its load is unknown.
     Loaded = 2,
-    /// The controller holds no key: it takes no update at all.
+    /// The controller has no key: no update is accepted.
     NoKey = 3,
-    /// The counter is not above that of the last accepted update: a replay.
+    /// The counter is not above that of the last accepted update: possible replay.
     OldCounter = 4,
-    /// No record has this length.
+    /// Not the length of a calibration record.
     Length = 5,
-    /// A segment is not the one that is due.
+    /// The segment is not the next one in order.
     OutOfOrder = 6,
-    /// The tool fell silent in the middle of a transfer.
+    /// The tool did not continue the transfer in time.
     TimeOut = 7,
-    /// The authentication tag does not match: wrong key, or something was changed on the way.
+    /// The authentication tag does not match: wrong key, or altered data.
     Mac = 8,
-    /// What came is no calibration record that this version reads.
+    /// Not a calibration record that this version reads.
     Record = 9,
-    /// The record holds a field that the estimator's checks refuse.
+    /// A field of the record fails the estimator's checks.
     Field = 10,
     /// The record is for another machine.
     WrongMachine = 11,
-    /// The flash did not take the record.
+    /// The flash could not store the record.
     Storage = 12,
-    /// Commit came before the last segment.
+    /// Commit before the last segment.
     Incomplete = 13,
-    /// There is no transfer that this could belong to.
+    /// No transfer to which the command could belong.
     NoTransfer = 14,
-    /// The command is not known to this version.
+    /// Command unknown to this version.
     Unknown = 15,
-    /// There is no stored calibration to be read.
+    /// No stored calibration to read.
     NothingStored = 16,
 }
 
 impl RejectReason {
-    /// Every refusal, in the order of its numbers.
+    /// Every reason, in the order of the numbers.
     pub const ALL: [Self; 16] = [
         Self::Busy,
         Self::Loaded,
@@ -64,19 +65,19 @@ impl RejectReason {
         Self::NothingStored,
     ];
 
-    /// Its number on the bus.
+    /// Number on the bus.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// The refusal of this number.
+    /// Reason of a number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|refusal| refusal.number() == number)
+        Self::ALL.into_iter().find(|reason| reason.number() == number)
     }
 
-    /// Name as tools print it.
+    /// Name printed by tools.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -104,19 +105,19 @@ impl fmt::Display for RejectReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Busy => "another tool's transfer is under way",
-            Self::Loaded => "the drive is loaded, or it is not known that it is not",
-            Self::NoKey => "the controller holds no key and takes no update",
+            Self::Loaded => "the drive is loaded, or its load is unknown",
+            Self::NoKey => "the controller has no key and accepts no update",
             Self::OldCounter => "the counter is not above that of the last accepted update",
             Self::Length => "no calibration record has this length",
-            Self::OutOfOrder => "a segment is not the one that is due",
-            Self::TimeOut => "the tool fell silent in the middle of the transfer",
+            Self::OutOfOrder => "a segment is not the next one in order",
+            Self::TimeOut => "the tool did not continue the transfer in time",
             Self::Mac => "the authentication tag does not match",
             Self::Record => "not a calibration record that this version reads",
-            Self::Field => "a field of the calibration is refused by the estimator's checks",
+            Self::Field => "a field of the calibration fails the estimator's checks",
             Self::WrongMachine => "the calibration is for another machine",
-            Self::Storage => "the flash did not take the calibration",
+            Self::Storage => "the flash could not store the calibration",
             Self::Incomplete => "commit came before the last segment",
-            Self::NoTransfer => "there is no transfer that this belongs to",
+            Self::NoTransfer => "there is no transfer to which this belongs",
             Self::Unknown => "the command is not known to this version",
             Self::NothingStored => "there is no stored calibration to be read",
         })

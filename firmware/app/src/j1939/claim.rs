@@ -1,4 +1,4 @@
-//! Address claim (J1939-81): how the controller comes to its source address, defends it and loses it.
+//! Address claim (SAE J1939-81): state machine that acquires, defends and loses the source address.
 //!
 //! ```text
 //! new --claim sent--> contending --250 ms unopposed--> claimed
@@ -11,8 +11,8 @@
 //!                     silent: "cannot claim" from the null address, nothing else
 //! ```
 //!
-//! A commanded address (PGN 65240) is not obeyed. As with every J1939 network, whoever is on the bus can take the
-//! address away by claiming it with a smaller NAME; that is reported as a trouble and disturbs nothing else.
+//! A commanded address (PGN 65240) is ignored. As on every J1939 network, any node can take the address by claiming
+//! it with a smaller NAME; that is reported as a fault and has no other effect.
 
 use kou_estimator::units::Micros;
 
@@ -21,106 +21,108 @@ use super::id::{Frame, GLOBAL, Id, NULL_ADDRESS};
 use super::name::Name;
 use crate::log::{info, warning};
 
-/// How long a claim must stand unopposed.
+/// Time for which a claim must stand unopposed.
 const CONTENTION_US: u64 = 250_000;
-/// First address that a controller may choose for itself.
+/// First address of the arbitrary range.
 const FIRST_ARBITRARY: u8 = 128;
-/// Last one.
+/// Last address of the arbitrary range.
 const LAST_ARBITRARY: u8 = 247;
-/// Step of the delay of "cannot claim", so that controllers that all failed do not answer at once.
+/// Step of the delay before "cannot claim", so that several failed controllers do not answer at once.
 const CANNOT_CLAIM_STEP_US: u64 = 600;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
-    /// Nothing sent yet.
+enum ClaimState {
+    /// No claim sent yet.
     New,
-    /// Sent at this time, and nobody has objected so far.
+    /// Claim sent at this time and unopposed so far.
     Contending(Micros),
     Claimed,
     Silent,
 }
 
-/// The state machine. It sends what [`poll`](Self::poll) returns and knows what [`receive`](Self::receive) is told.
+/// Address claim of one controller: [`receive`](Self::receive) takes the claims of other nodes, [`poll`](Self::poll)
+/// returns the frames to send.
+#[doc(alias = "J1939-81")]
 #[derive(Debug, Clone)]
-pub struct Claim {
+pub struct AddressClaim {
     name: Name,
     preferred: u8,
     address: u8,
-    stage: Stage,
-    /// When to say (again) what the address is.
+    stage: ClaimState,
+    /// Time of the next claim to send.
     due: Option<Micros>,
-    /// Addresses from [`FIRST_ARBITRARY`] on that others have claimed, one bit each.
+    /// Addresses from [`FIRST_ARBITRARY`] on that other nodes have claimed, one bit each.
     taken: u128,
 }
 
-impl Claim {
-    /// Will claim `preferred` (0 to 253) at the first [`poll`](Self::poll).
+impl AddressClaim {
+    /// State machine that claims `preferred` (0 to 253) at the first [`poll`](Self::poll).
     #[must_use]
     pub const fn new(name: Name, preferred: u8) -> Self {
-        Self { name, preferred, address: preferred, stage: Stage::New, due: Some(Micros(0)), taken: 0 }
+        Self { name, preferred, address: preferred, stage: ClaimState::New, due: Some(Micros(0)), taken: 0 }
     }
 
-    /// The address, once it is claimed. Without one, nothing but address claims may be sent.
+    /// Address once claimed. Without one, nothing but address claims may be sent.
     #[must_use]
     pub fn address(&self) -> Option<u8> {
-        (self.stage == Stage::Claimed).then_some(self.address)
+        (self.stage == ClaimState::Claimed).then_some(self.address)
     }
 
-    /// Whether every address was lost: a trouble worth a report.
+    /// Whether every address was lost, which is a fault to report.
     #[must_use]
     pub fn is_silent(&self) -> bool {
-        self.stage == Stage::Silent
+        self.stage == ClaimState::Silent
     }
 
-    /// Starts over with the preferred address, as after a bus-off.
+    /// Restarts with the preferred address, as after bus-off.
     pub fn restart(&mut self) {
         *self = Self::new(self.name, self.preferred);
     }
 
-    /// Takes an address claim of somebody else.
+    /// Processes the address claim of another node.
     pub fn receive(&mut self, now: Micros, source: u8, name: Name) {
-        self.note(source);
-        let holds = matches!(self.stage, Stage::Contending(_) | Stage::Claimed);
-        // The same NAME is an echo of our own claim; two controllers with one NAME are a mistake of assembly that
-        // shouting cannot solve.
+        self.mark_taken(source);
+        let holds = matches!(self.stage, ClaimState::Contending(_) | ClaimState::Claimed);
+        // The same NAME is an echo of the own claim. Two controllers with one NAME are an assembly error that
+        // claiming cannot resolve.
         if !holds || source != self.address || name == self.name {
             return;
         }
         if self.name < name {
-            // Defend.
+            // Defend the address.
             self.due = Some(now);
             return;
         }
-        warning!("address {=u8} lost to a smaller name", self.address);
+        warning!("address {=u8} lost to a smaller NAME", self.address);
         match self.next_free() {
             Some(address) if self.name.has_arbitrary_address() => {
                 self.address = address;
-                self.stage = Stage::New;
+                self.stage = ClaimState::New;
                 self.due = Some(now);
             }
             _ => {
-                self.stage = Stage::Silent;
+                self.stage = ClaimState::Silent;
                 self.due = Some(self.cannot_claim_at(now));
             }
         }
     }
 
-    /// Somebody asks everyone, or this controller, for its address.
-    pub fn asked(&mut self, now: Micros) {
+    /// Processes a request for the address, sent to all nodes or to this controller.
+    pub fn on_request(&mut self, now: Micros) {
         self.due = match self.stage {
-            // What has not been claimed yet will be said soon enough.
-            Stage::New => self.due,
-            Stage::Silent => self.due.or(Some(self.cannot_claim_at(now))),
-            Stage::Contending(_) | Stage::Claimed => Some(now),
+            // The first claim is about to be sent anyway.
+            ClaimState::New => self.due,
+            ClaimState::Silent => self.due.or(Some(self.cannot_claim_at(now))),
+            ClaimState::Contending(_) | ClaimState::Claimed => Some(now),
         };
     }
 
-    /// What is to be sent now. To be called every 10 ms or so.
+    /// Next frame to send. To be called about every 10 ms.
     pub fn poll(&mut self, now: Micros) -> Option<Frame> {
-        if let Stage::Contending(since) = self.stage
+        if let ClaimState::Contending(since) = self.stage
             && now.0.saturating_sub(since.0) >= CONTENTION_US
         {
-            self.stage = Stage::Claimed;
+            self.stage = ClaimState::Claimed;
             info!("address {=u8} claimed", self.address);
         }
         let due = self.due?;
@@ -128,10 +130,10 @@ impl Claim {
             return None;
         }
         self.due = None;
-        if self.stage == Stage::New {
-            self.stage = Stage::Contending(now);
+        if self.stage == ClaimState::New {
+            self.stage = ClaimState::Contending(now);
         }
-        let source = if self.stage == Stage::Silent { NULL_ADDRESS } else { self.address };
+        let source = if self.stage == ClaimState::Silent { NULL_ADDRESS } else { self.address };
         let id = Id::new(ADDRESS_CLAIMED.priority, ADDRESS_CLAIMED.pgn, GLOBAL, source);
         Some(Frame::new(id, self.name.to_bytes()))
     }
@@ -140,7 +142,7 @@ impl Claim {
         Micros(now.0.saturating_add(CANNOT_CLAIM_STEP_US * u64::from(self.name.spread())))
     }
 
-    fn note(&mut self, source: u8) {
+    fn mark_taken(&mut self, source: u8) {
         if (FIRST_ARBITRARY..=LAST_ARBITRARY).contains(&source) {
             self.taken |= 1_u128.wrapping_shl(u32::from(source) - u32::from(FIRST_ARBITRARY));
         }
@@ -181,7 +183,7 @@ mod tests {
 
     #[test]
     fn unopposed_claim_holds_after_250_ms_and_not_before() {
-        let mut claim = Claim::new(name(1, true), 0x27);
+        let mut claim = AddressClaim::new(name(1, true), 0x27);
         let frame = claim.poll(ms(0)).unwrap();
         assert_eq!(frame.id().raw(), 0x18EE_FF27);
         assert_eq!(claim.address(), None);
@@ -192,26 +194,26 @@ mod tests {
     }
 
     #[test]
-    fn weaker_name_is_told_off_and_stronger_one_takes_the_address() {
-        let mut claim = Claim::new(name(5, true), 0x27);
+    fn larger_name_is_defended_against_and_smaller_one_takes_the_address() {
+        let mut claim = AddressClaim::new(name(5, true), 0x27);
         let _ = claim.poll(ms(0));
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(6, true));
         assert_eq!(claim.poll(ms(301)).unwrap().id().source(), 0x27);
-        assert_eq!(claim.address(), Some(0x27), "kept");
+        assert_eq!(claim.address(), Some(0x27), "defended");
         claim.receive(ms(310), 128, name(9, true));
         claim.receive(ms(320), 0x27, name(4, true));
         assert_eq!(claim.address(), None);
-        // 128 is somebody else's.
+        // 128 is claimed by another node.
         assert_eq!(claim.poll(ms(320)).unwrap().id().source(), 129);
         let _ = claim.poll(ms(580));
         assert_eq!(claim.address(), Some(129));
     }
 
     #[test]
-    fn without_an_address_left_it_says_so_once_and_is_silent() {
+    fn without_an_address_left_it_sends_cannot_claim_once_and_is_silent() {
         for arbitrary in [false, true] {
-            let mut claim = Claim::new(name(7, arbitrary), 0x27);
+            let mut claim = AddressClaim::new(name(7, arbitrary), 0x27);
             let _ = claim.poll(ms(0));
             for address in 128..=247 {
                 claim.receive(ms(1), address, name(1, true));
@@ -221,20 +223,20 @@ mod tests {
             assert!(claim.poll(ms(2)).is_none(), "delayed by 7 * 0.6 ms");
             assert_eq!(claim.poll(ms(7)).unwrap().id().raw(), 0x18EE_FFFE);
             assert!(claim.poll(ms(1000)).is_none());
-            claim.asked(ms(2000));
+            claim.on_request(ms(2000));
             assert_eq!(claim.poll(ms(2010)).unwrap().id().source(), NULL_ADDRESS);
             assert_eq!(claim.address(), None);
         }
     }
 
     #[test]
-    fn a_request_is_answered_and_an_echo_is_not() {
-        let mut claim = Claim::new(name(7, true), 0x27);
+    fn request_is_answered_and_echo_is_not() {
+        let mut claim = AddressClaim::new(name(7, true), 0x27);
         let _ = claim.poll(ms(0));
         let _ = claim.poll(ms(300));
         claim.receive(ms(301), 0x27, name(7, true));
         assert!(claim.poll(ms(301)).is_none());
-        claim.asked(ms(302));
+        claim.on_request(ms(302));
         assert_eq!(claim.poll(ms(302)).unwrap().id().source(), 0x27);
     }
 }

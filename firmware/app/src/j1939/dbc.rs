@@ -1,4 +1,4 @@
-//! The DBC file, written from the [catalogue](super::catalogue). Not used on the target, where the linker drops it.
+//! DBC file, generated from the [catalogue](super::catalogue). Unused on the target, where the linker removes it.
 
 use core::fmt::{self, Write};
 
@@ -7,16 +7,16 @@ use super::id::{GLOBAL, Id, NULL_ADDRESS};
 use super::node::UPDATE;
 use super::signal::{Message, Sender};
 
-/// Source address that stands for a service tool in the file.
+/// Source address of a service tool in the file.
 const TOOL_ADDRESS: u8 = 0xF9;
 /// Bit that marks a 29-bit identifier in a DBC file.
 const EXTENDED: u32 = 1 << 31;
 
 const SENDERS: [Sender; 3] = [Sender::Kou, Sender::Drive, Sender::Tool];
 
-/// Identifier under which a message stands in the file. The controllers' addresses are claimed at run time, so the null
-/// address stands for them; tools compare the parameter group, which the attribute `VFrameFormat` = `J1939PG` tells them
-/// to do. Command and answer of an update share a group and differ by their source.
+/// Identifier of a message in the file. Source addresses are claimed at run time, so the null address represents
+/// them; tools compare the parameter group, as the attribute `VFrameFormat` = `J1939PG` states. Command and answer of
+/// an update share a group and differ by their source.
 #[must_use]
 pub const fn file_id(message: &Message) -> u32 {
     let is_update = message.pgn.get() == UPDATE.get();
@@ -29,7 +29,7 @@ pub const fn file_id(message: &Message) -> u32 {
     Id::new(message.priority, message.pgn, destination, source).raw() | EXTENDED
 }
 
-/// Writes the whole file.
+/// Writes the file.
 ///
 /// # Errors
 /// Those of `out`.
@@ -43,8 +43,8 @@ pub fn write(out: &mut impl Write) -> fmt::Result {
         layout(out, message)?;
     }
     out.write_str(
-        "CM_ \"Messages of the leakage estimator's controller (SAE J1939). Made from the firmware's own tables; do not \
-         edit.\";\n",
+        "CM_ \"Messages of the leakage estimator's controller (SAE J1939). Generated from the firmware's message \
+         catalogue; do not edit.\";\n",
     )?;
     for message in ALL {
         comments(out, message)?;
@@ -122,15 +122,15 @@ mod tests {
     use std::string::String;
 
     #[test]
-    fn shipped_dbc_file_is_that_of_the_tables() {
+    fn shipped_dbc_file_matches_the_catalogue() {
         let mut text = String::new();
         super::write(&mut text).unwrap();
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("kou.dbc");
         let shipped = std::fs::read_to_string(&path).unwrap_or_default();
         assert!(
             shipped == text,
-            "firmware/app/kou.dbc is not what the tables say; write it anew with `host-sim dbc --out \
-             firmware/app/kou.dbc` and look at the difference"
+            "firmware/app/kou.dbc differs from the catalogue; write it again with `host-sim dbc --out \
+             firmware/app/kou.dbc` and review the difference"
         );
     }
 }

@@ -4,7 +4,7 @@ use kou_estimator::health::Health;
 use kou_estimator::units::{LeakageCoefficient, LitrePerMin, Micros, Ratio};
 use kou_estimator::{Channel, Estimate, Expected, Fault, Reason};
 
-/// An estimate with one valid part and one that is not.
+/// Estimate with a valid and an invalid part.
 #[must_use]
 pub fn example_estimate() -> Estimate {
     Estimate {

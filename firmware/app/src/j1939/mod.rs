@@ -1,20 +1,19 @@
-//! SAE J1939: the controller on the drive's CAN bus.
+//! SAE J1939: the controller as a node on the drive's CAN bus. The only module that knows CAN frames.
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`catalogue`] | every message and signal, described once |
-//! | [`signal`] | what a description is, and how it reads and writes bits |
-//! | [`dbc`] | the DBC file, made of the catalogue |
+//! | [`catalogue`] | description of every message and signal |
+//! | [`signal`] | bit layout and coding of a signal |
+//! | [`dbc`] | DBC file generated from the catalogue |
 //! | [`claim`] | address claim |
-//! | [`receive`] | readings from the bus |
-//! | [`publish`], [`diagnostic_messages`] | estimates, health and troubles as bytes |
-//! | [`transport`] | messages of more than eight bytes |
+//! | [`receive`] | readings received from other controllers |
+//! | [`publish`], [`diagnostic_messages`] | encoding of estimates, health and trouble codes |
+//! | [`transport`] | transport protocol for messages of more than eight bytes |
 //! | [`example`] | example estimate for tests on host and target |
-//! | [`node`] | all of it as one participant |
+//! | [`node`] | complete node that combines the above |
 //!
-//! Nothing here knows a CAN driver, a clock or a task: frames and times go in, frames come out. A driver's frames are
-//! converted by [`Frame::from_can`] and [`Frame::to_can`] from and to any `embedded_can::Frame`. `docs/can.md` is the
-//! manual.
+//! The module has no CAN driver, clock or task: frames and times are inputs, frames are outputs. [`Frame::from_can`]
+//! and [`Frame::to_can`] convert from and to any `embedded_can::Frame`. `docs/can.md` is the manual.
 
 pub mod catalogue;
 pub mod claim;
@@ -31,7 +30,7 @@ pub mod signal;
 mod tests;
 pub mod transport;
 
-pub use claim::Claim;
+pub use claim::AddressClaim;
 pub use id::{Frame, GLOBAL, Id, NULL_ADDRESS, Pgn};
 pub use name::{Name, NameConfig, NameError};
 pub use node::{Node, Outputs, Received};

@@ -1,31 +1,31 @@
-//! The 64-bit NAME by which a controller claims its address (J1939-81). The smaller number wins.
+//! NAME of a controller for the address claim (SAE J1939-81): 64 bits, the smaller value has priority.
 
 /// Fields of a NAME, unchecked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NameConfig {
     /// Serial number of the controller, 21 bits.
     pub identity: u32,
-    /// Manufacturer as SAE assigns them, 11 bits.
+    /// Manufacturer code assigned by SAE, 11 bits.
     pub manufacturer: u16,
-    /// Which of several controllers of one function, 3 bits.
+    /// ECU instance, 3 bits.
     pub ecu_instance: u8,
-    /// Which of several functions, 5 bits.
+    /// Function instance, 5 bits.
     pub function_instance: u8,
     /// Function.
     pub function: u8,
     /// Vehicle system, 7 bits.
     pub vehicle_system: u8,
-    /// Which of several vehicle systems, 4 bits.
+    /// Vehicle system instance, 4 bits.
     pub vehicle_system_instance: u8,
     /// Industry group, 3 bits: 0 global, 1 on-highway, 2 agriculture, 3 construction.
     pub industry_group: u8,
-    /// Whether the controller takes another address (128 to 247) when its own is lost.
+    /// Whether the controller may use another address (128 to 247) when its own is lost.
     pub arbitrary_address: bool,
 }
 
 impl NameConfig {
-    /// A transmission controller's second instance beside the transmission's own (function 3, "transmission"), with this
-    /// serial number and no manufacturer code: whoever ships it puts in the one that SAE assigned to them.
+    /// Second instance of a transmission controller (function 3) with this serial number and no manufacturer code:
+    /// the manufacturer of the controller must set the code assigned by SAE.
     #[must_use]
     pub const fn transmission(identity: u32) -> Self {
         Self {
@@ -42,7 +42,7 @@ impl NameConfig {
     }
 }
 
-/// A field of a NAME has more bits than it may.
+/// Error: a field of a NAME exceeds its number of bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NameError {
@@ -50,7 +50,7 @@ pub struct NameError {
     pub field: &'static str,
 }
 
-/// A NAME that stands.
+/// Valid NAME.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Name(u64);
@@ -84,25 +84,25 @@ impl Name {
             .map(Self)
     }
 
-    /// The NAME of these bytes of an address claim.
+    /// NAME in the bytes of an address claim.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Self {
         Self(u64::from_le_bytes(bytes))
     }
 
-    /// The bytes of an address claim.
+    /// Bytes of an address claim.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         self.0.to_le_bytes()
     }
 
-    /// Whether the controller may take another address.
+    /// Whether the controller may use another address.
     #[must_use]
     pub const fn has_arbitrary_address(self) -> bool {
         self.0 >> 63 == 1
     }
 
-    /// Lowest byte of the serial number: spreads out in time what all controllers would do at once.
+    /// Low byte of the serial number: spreads simultaneous actions of several controllers in time.
     pub(super) const fn spread(self) -> u8 {
         self.0 as u8
     }

@@ -1,7 +1,7 @@
-//! The controller on the bus: address claim, requests, periodic messages and diagnostics, in one place.
+//! J1939 node: address claim, requests, periodic messages and diagnostics.
 //!
-//! It holds no driver and no clock: [`Node::receive`] takes what came, [`Node::poll`] gives what is to be sent. Nothing
-//! that comes from the bus makes it send more than one answer a call, or keep more than a fixed number of things to do.
+//! It has no driver and no clock: [`Node::receive`] takes a received frame, [`Node::poll`] returns the next frame to
+//! send. A received frame causes at most one answer per call, and the amount of pending work is bounded.
 
 use kou_estimator::Estimate;
 use kou_estimator::health::Health;
@@ -11,88 +11,88 @@ use super::catalogue::{
     ACK_ADDRESS, ACK_CONTROL, ACK_PGN, ACKNOWLEDGEMENT, ADDRESS_CLAIMED, DM1, DM2, EFFICIENCY, HEALTH,
     LEAKAGE, LEAKAGE_SE, REQUEST, STATUS, UPDATE_ANSWER, VALIDITY,
 };
-use super::claim::Claim;
-use super::diagnostic_messages::{self, List};
+use super::claim::AddressClaim;
+use super::diagnostic_messages::{self, DtcListKind};
 use super::id::{Frame, GLOBAL, Id, Pgn};
 use super::name::Name;
 use super::publish;
 use super::signal::Message;
 use super::transport::Broadcast;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::Troubles;
+use crate::diagnostics::DtcList;
 
-/// Proprietary A: the calibration update's group, see `crate::update`.
+/// Parameter group of the calibration update (proprietary A), see `crate::update`.
 pub const UPDATE: Pgn = UPDATE_ANSWER.pgn;
-/// Kind of acknowledgement: the group is not sent by this controller.
+/// Acknowledgement control byte: the group is not supported.
 const NEGATIVE: u32 = 1;
 
-/// What the periodic messages are made of.
+/// Content of the periodic messages.
 #[derive(Debug, Clone)]
 pub struct Outputs<'a> {
-    /// The latest estimate.
+    /// Latest estimate.
     pub estimate: &'a Estimate,
-    /// What has been learned; nothing where health is not learned, and then nothing is sent of it.
+    /// Learned health; without it no health message is sent.
     pub health: Option<&'a Health>,
-    /// The calibration in use.
+    /// Calibration in use.
     pub calibration: CalibrationState,
-    /// Troubles.
-    pub troubles: Troubles,
+    /// Trouble codes.
+    pub dtcs: DtcList,
 }
 
-/// What a frame was.
+/// Classification of a received frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received {
-    /// Nothing of this controller's business.
+    /// Not relevant to this controller.
     Nothing,
-    /// Handled here.
+    /// Handled by the node.
     Handled,
-    /// A step of a calibration update, for `crate::update`.
+    /// Command of a calibration update, for `crate::update`.
     Update {
-        /// Who sent it.
+        /// Source address.
         source: u8,
-        /// What it says.
+        /// Data bytes.
         data: [u8; 8],
     },
 }
 
-/// Periodic messages, in the order in which they leave.
+/// Periodic messages in the order of sending.
 const PERIODIC: [&Message; 6] = [&LEAKAGE, &LEAKAGE_SE, &EFFICIENCY, &VALIDITY, &HEALTH, &STATUS];
 
-/// The controller on the bus.
+/// J1939 node of the controller.
 #[derive(Debug, Clone)]
 pub struct Node {
-    claim: Claim,
+    claim: AddressClaim,
     broadcast: Broadcast,
     due: [Micros; PERIODIC.len()],
     dm1_due: Micros,
-    /// Whether the last DM1 held a trouble: the one after the last trouble is still sent.
+    /// Whether the last DM1 held a trouble code: one more DM1 is sent after the last fault has healed.
     dm1_held: bool,
-    dm1_asked: bool,
-    dm2_asked: bool,
-    refuse: Option<(u8, Pgn)>,
+    dm1_requested: bool,
+    dm2_requested: bool,
+    negative_ack: Option<(u8, Pgn)>,
     counter: u8,
-    heard: Option<Micros>,
+    last_received: Option<Micros>,
 }
 
 impl Node {
-    /// A controller that will claim `preferred` (0 to 253).
+    /// Node that will claim `preferred` (0 to 253).
     #[must_use]
     pub const fn new(name: Name, preferred: u8) -> Self {
         Self {
-            claim: Claim::new(name, preferred),
+            claim: AddressClaim::new(name, preferred),
             broadcast: Broadcast::new(),
             due: [Micros(0); PERIODIC.len()],
             dm1_due: Micros(0),
             dm1_held: false,
-            dm1_asked: false,
-            dm2_asked: false,
-            refuse: None,
+            dm1_requested: false,
+            dm2_requested: false,
+            negative_ack: None,
             counter: 0,
-            heard: None,
+            last_received: None,
         }
     }
 
-    /// The source address, once it is claimed.
+    /// Source address once claimed.
     #[must_use]
     pub fn address(&self) -> Option<u8> {
         self.claim.address()
@@ -100,25 +100,25 @@ impl Node {
 
     /// Whether every address was lost, which is [`crate::diagnostics::FaultCode::AddressLost`].
     #[must_use]
-    pub fn is_silenced(&self) -> bool {
+    pub fn is_address_lost(&self) -> bool {
         self.claim.is_silent()
     }
 
-    /// When the last frame came from anybody; for [`crate::diagnostics::FaultCode::BusSilent`].
+    /// Time of the last received frame; for [`crate::diagnostics::FaultCode::BusSilent`].
     #[must_use]
-    pub fn heard(&self) -> Option<Micros> {
-        self.heard
+    pub fn last_received(&self) -> Option<Micros> {
+        self.last_received
     }
 
-    /// Claims the preferred address anew, as after a bus-off.
+    /// Claims the preferred address anew, as after bus-off.
     pub fn restart(&mut self) {
         self.claim.restart();
         self.broadcast.stop();
     }
 
-    /// Takes a frame from the bus.
+    /// Processes a received frame.
     pub fn receive(&mut self, now: Micros, frame: &Frame) -> Received {
-        self.heard = Some(now);
+        self.last_received = Some(now);
         let id = frame.id();
         let is_for_me = id.destination() == GLOBAL || Some(id.destination()) == self.address();
         if id.pgn() == ADDRESS_CLAIMED.pgn && id.destination() == GLOBAL {
@@ -126,14 +126,14 @@ impl Node {
                 let had = self.address();
                 self.claim.receive(now, id.source(), Name::from_bytes(*name));
                 if had.is_some() && self.address().is_none() {
-                    // Nothing more is said under an address that is another's now.
+                    // Stop the broadcast under an address that now belongs to another node.
                     self.broadcast.stop();
                 }
                 return Received::Handled;
             }
         } else if id.pgn() == REQUEST.pgn && is_for_me {
             if let Some(wanted) = frame.data().first_chunk::<3>() {
-                self.asked(now, &id, Pgn::from_le_bytes(*wanted));
+                self.on_request(now, &id, Pgn::from_le_bytes(*wanted));
                 return Received::Handled;
             }
         } else if id.pgn() == UPDATE
@@ -145,70 +145,75 @@ impl Node {
         Received::Nothing
     }
 
-    /// Frame of an answer of a calibration update; nothing without an address.
+    /// Frame of an answer of a calibration update; `None` without an address.
     #[must_use]
     pub fn update_answer(&self, tool: u8, answer: [u8; 8]) -> Option<Frame> {
         let source = self.address()?;
         Some(Frame::new(Id::new(UPDATE_ANSWER.priority, UPDATE, tool, source), answer))
     }
 
-    fn asked(&mut self, now: Micros, id: &Id, wanted: Pgn) {
+    fn on_request(&mut self, now: Micros, id: &Id, wanted: Pgn) {
         if wanted == ADDRESS_CLAIMED.pgn {
-            self.claim.asked(now);
+            self.claim.on_request(now);
         } else if wanted == DM1.pgn {
-            self.dm1_asked = true;
+            self.dm1_requested = true;
         } else if wanted == DM2.pgn {
-            self.dm2_asked = true;
+            self.dm2_requested = true;
         } else if let Some((_, due)) =
             PERIODIC.iter().zip(&mut self.due).find(|(message, _)| message.pgn == wanted)
         {
             *due = now;
         } else if id.destination() != GLOBAL {
-            self.refuse = Some((id.source(), wanted));
+            self.negative_ack = Some((id.source(), wanted));
         }
     }
 
-    /// The next frame that is due; to be called until there is none, every 10 ms or so.
+    /// Next frame to send; to be called until it returns `None`, about every 10 ms.
     pub fn poll(&mut self, now: Micros, outputs: &Outputs<'_>) -> Option<Frame> {
         if let Some(frame) = self.claim.poll(now) {
             return Some(frame);
         }
         let source = self.address()?;
-        if let Some((address, pgn)) = self.refuse.take() {
+        if let Some((address, pgn)) = self.negative_ack.take() {
             let mut data = [0xFF; 8];
             ACK_CONTROL.put_raw(&mut data, NEGATIVE);
             ACK_ADDRESS.put_raw(&mut data, u32::from(address));
             ACK_PGN.put_raw(&mut data, pgn.get());
             return Some(frame_of(&ACKNOWLEDGEMENT, source, data));
         }
-        self.diagnostics(now, source, &outputs.troubles)
+        self.diagnostics(now, source, &outputs.dtcs)
             .or_else(|| self.broadcast.poll(now, source))
             .or_else(|| self.periodic(now, source, outputs))
     }
 
-    fn diagnostics(&mut self, now: Micros, source: u8, troubles: &Troubles) -> Option<Frame> {
-        // Both lists share the one transport: while it is busy, they wait.
+    fn diagnostics(&mut self, now: Micros, source: u8, dtcs: &DtcList) -> Option<Frame> {
+        // Both lists share one transport: they wait while it is busy.
         if self.broadcast.is_busy() {
             return None;
         }
-        let has_active = troubles.has_active();
+        let has_active = dtcs.has_active();
         let is_due = now >= self.dm1_due;
         if is_due {
             self.dm1_due = later(now, &DM1);
         }
-        if self.dm1_asked || is_due && (has_active || self.dm1_held) {
-            self.dm1_asked = false;
+        if self.dm1_requested || is_due && (has_active || self.dm1_held) {
+            self.dm1_requested = false;
             self.dm1_held = has_active;
-            return self.tell(now, source, &DM1, &diagnostic_messages::list(troubles, List::Active));
+            return self.send_list(now, source, &DM1, &diagnostic_messages::list(dtcs, DtcListKind::Active));
         }
-        if core::mem::take(&mut self.dm2_asked) {
-            return self.tell(now, source, &DM2, &diagnostic_messages::list(troubles, List::Previous));
+        if core::mem::take(&mut self.dm2_requested) {
+            return self.send_list(
+                now,
+                source,
+                &DM2,
+                &diagnostic_messages::list(dtcs, DtcListKind::Previous),
+            );
         }
         None
     }
 
-    /// A list in one frame where it fits; else its announcement.
-    fn tell(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
+    /// Sends a list in one frame if it fits, else its announcement.
+    fn send_list(&mut self, now: Micros, source: u8, message: &Message, bytes: &[u8]) -> Option<Frame> {
         match <[u8; 8]>::try_from(bytes) {
             Ok(data) => Some(frame_of(message, source, data)),
             Err(_) if self.broadcast.start(now, message.pgn, bytes) => self.broadcast.poll(now, source),
@@ -221,7 +226,8 @@ impl Node {
             if now < *due {
                 continue;
             }
-            // Kept in step, unless so late that messages would follow one another without a pause.
+            // The schedule keeps its phase, unless it is so late that messages would follow one another without a
+            // gap.
             let in_step = Micros(due.0.saturating_add(1000 * u64::from(message.period_ms)));
             *due = if in_step > now { in_step } else { later(now, message) };
             let data = if message.pgn == LEAKAGE.pgn {

@@ -1,14 +1,14 @@
-//! Estimates and health as messages: what stands in each is told by the catalogue, and here where it comes from.
+//! Encoding of estimates and health as messages of the [catalogue](super::catalogue).
 
-use kou_estimator::health::{Cause, GateClosed, Health, DtcStatus};
+use kou_estimator::health::{Cause, DtcStatus, GateClosed, Health};
 use kou_estimator::model::calibrated_region::Direction;
-use kou_estimator::{Channel, Estimate, Expected, Fault, Reason, Observed};
+use kou_estimator::{Channel, Estimate, Expected, Fault, Observed, Reason};
 
 use super::catalogue as c;
 use super::signal::{Absent, Signal};
 use crate::calibration::{CalibrationSource, CalibrationState};
 
-/// Bytes of a message before anything is written: bits of no signal are ones.
+/// Initial bytes of a message: unused bits are ones.
 const BLANK: [u8; 8] = [0xFF; 8];
 
 /// Number of a reason in [`c::REASONS`].
@@ -94,7 +94,7 @@ const fn gate_code(gate: Result<(), GateClosed>) -> u32 {
     }
 }
 
-/// A number where the part is valid; where it is not, the reason stands in [`validity`].
+/// Writes a number of a valid part; the reason of an invalid one is in [`validity`].
 fn put<T>(data: &mut [u8; 8], signal: &Signal, part: &Result<T, Reason>, number: impl Fn(&T) -> f32) {
     signal.put(data, part.as_ref().map(number).map_err(|_| Absent::NotAvailable));
 }
@@ -137,7 +137,7 @@ fn put_reason(data: &mut [u8; 8], [reason, channel, fault]: [&Signal; 3], why: O
     }
 }
 
-/// Message [`c::VALIDITY`]; `counter` counts the messages.
+/// Message [`c::VALIDITY`]; `counter` is its sequence counter.
 #[must_use]
 pub fn validity(estimate: &Estimate, counter: u8) -> [u8; 8] {
     let mut data = BLANK;

@@ -1,9 +1,9 @@
-//! Readings from the bus: shaft speeds, pressure and oil temperature as the drive's other controllers send them, for
-//! machines whose controller has no sensors of its own for them.
+//! Readings received from the drive's other controllers: shaft speeds, pressure and oil temperature, for machines
+//! whose controller has no own sensors for them.
 //!
-//! A reading has the time at which its frame came. Raw values that are none become reasons: "not available" is
-//! [`Fault::Missing`], "error" and reserved values are [`Fault::OutOfRange`]. A message that stays away for five of its
-//! periods makes its readings [`Fault::Stale`]; one that never came, [`Fault::Missing`].
+//! A reading has the time of its frame. Raw values without a value become reasons: "not available" is
+//! [`Fault::Missing`], "error" and reserved values are [`Fault::OutOfRange`]. A message absent for five of its
+//! periods makes its readings [`Fault::Stale`]; a message never received, [`Fault::Missing`].
 
 use kou_estimator::units::{Celsius, Megapascal, Micros, RevPerMin};
 use kou_estimator::{Fault, Reading};
@@ -14,16 +14,16 @@ use super::catalogue::{
 use super::id::Frame;
 use super::signal::{Absent, Message};
 
-/// Periods for which a message may stay away.
+/// Periods for which a message may be absent.
 const PERIODS_UNTIL_STALE: u64 = 5;
 
-/// How long a message may stay away before its readings are stale.
+/// Timeout after which the readings of a message are stale.
 #[must_use]
 pub const fn time_out(message: &Message) -> Micros {
     Micros(PERIODS_UNTIL_STALE * 1000 * message.period_ms as u64)
 }
 
-/// The latest readings from the bus.
+/// Latest readings from the bus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveReadings {
     from: Option<u8>,
@@ -44,7 +44,7 @@ fn never<U>() -> Reading<U> {
     Reading::failed(Micros(0), Fault::Missing)
 }
 
-/// A reading as it stands at `now`. What was never received stays missing.
+/// Reading at `now`. A message never received remains missing.
 fn aged<U: Copy>(reading: &Reading<U>, message: &Message, now: Micros) -> Reading<U> {
     let is_late = now.0.saturating_sub(reading.time.0) > time_out(message).0;
     let was_received = reading.value.is_ok() || reading.time.0 > 0;
@@ -52,7 +52,7 @@ fn aged<U: Copy>(reading: &Reading<U>, message: &Message, now: Micros) -> Readin
 }
 
 impl DriveReadings {
-    /// Nothing received yet. With `from`, only that source address is listened to; without, whoever sends.
+    /// No readings yet. With `from`, only frames of that source address are accepted; without, of any.
     #[must_use]
     pub fn new(from: Option<u8>) -> Self {
         Self {
@@ -64,8 +64,8 @@ impl DriveReadings {
         }
     }
 
-    /// Takes a frame; true when it was one of the messages with readings. A frame that is too short, or comes from
-    /// somebody else, changes nothing.
+    /// Processes a frame; returns whether it contained readings. Frames that are too short or from another source are
+    /// ignored.
     pub fn receive(&mut self, now: Micros, frame: &Frame) -> bool {
         let Some(data) = frame.full() else { return false };
         if self.from.is_some_and(|from| from != frame.id().source()) {
@@ -109,8 +109,8 @@ impl DriveReadings {
         aged(&self.high_pressure, &HPG, now)
     }
 
-    /// Oil temperature (SPN 177). It comes once a second, which is older than most calibrations allow a reading to be; oil
-    /// changes by a fraction of a kelvin in that time, so a value is good until its message is late and is stamped `now`.
+    /// Oil temperature (SPN 177). It is sent once a second, less often than most calibrations accept; oil changes by
+    /// a fraction of a kelvin in that time, so a value is stamped `now` until its message is late.
     #[must_use]
     pub fn oil_temperature(&self, now: Micros) -> Reading<Celsius> {
         match aged(&self.oil_temperature, &TRF1, now) {
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn readings_carry_value_and_time_of_their_frames() {
+    fn readings_have_value_and_time_of_their_frames() {
         let mut drive = DriveReadings::new(Some(3));
         let now = Micros(1_000_000);
         assert_eq!(drive.pump_speed(now).value, Err(Fault::Missing));
@@ -148,7 +148,7 @@ mod tests {
         assert!((drive.high_pressure(now).value.unwrap().get() - 35.0).abs() < 1e-5, "f32 rounding");
         let later = Micros(now.0 + 900_000);
         assert_eq!(drive.oil_temperature(later), Reading::new(later, Celsius(-12.5)));
-        // From somebody else, and too short: nothing changes.
+        // From another source, and too short: no effect.
         let before = drive.clone();
         assert!(!drive.receive(now, &frame(&HPG, 4, &[(HYDRAULIC_PRESSURE, Ok(1.0))])));
         let short = Frame::of(Id::new(3, HPG.pgn, GLOBAL, 3), &[0; 7]).unwrap();
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn each_message_that_stays_away_makes_its_readings_stale_after_five_periods() {
+    fn absent_messages_make_their_readings_stale_after_five_periods() {
         let mut drive = DriveReadings::new(None);
         let start = Micros(1_000_000);
         for message in [&ETC1, &HPG, &TRF1] {
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn raw_values_that_are_none_become_reasons() {
+    fn raw_values_without_a_value_become_reasons() {
         let mut drive = DriveReadings::new(None);
         let now = Micros(5);
         for (why, fault) in [

@@ -1,56 +1,56 @@
-//! One signal of a message: where its bits stand and what they mean.
+//! Bit layout and coding of one signal of a message.
 //!
-//! Encode, decode and the DBC file all read the same [`Signal`]. Numbers that mean "no value" exist on the bus only
-//! (J1939-71): they become [`Absent`] on the way in, and only this module writes them on the way out.
+//! Encoder, decoder and DBC file use the same [`Signal`]. Raw values that mean "no value" exist on the bus only
+//! (J1939-71): they are decoded to [`Absent`], and only this module encodes them.
 
 use super::id::Pgn;
 
-/// Why a signal on the bus has no value.
+/// Reason why a signal has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Absent {
-    /// The sender has no such value: all bits set.
+    /// Not available: all bits set.
     NotAvailable,
-    /// The sender says that the value is wrong, for instance because its sensor failed.
+    /// Error reported by the sender, for instance a failed sensor.
     Error,
-    /// A raw value that the standard keeps for other use.
+    /// Raw value reserved by the standard.
     Reserved,
 }
 
-/// What the raw values at the upper end mean.
+/// Coding of raw values at the upper end of the range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coding {
-    /// A measured quantity of 8, 16 or 32 bits: values whose highest byte is up to 0xFA are valid, 0xFE is an error, 0xFF
-    /// not available, the rest reserved.
+    /// Measured quantity of 8, 16 or 32 bits: values whose highest byte is up to 0xFA are valid, 0xFE is an error,
+    /// 0xFF not available, the rest reserved.
     Measured,
-    /// A state: all ones is not available, one less an error.
+    /// State: all ones is not available, one less is an error.
     State,
-    /// Every raw value is itself: counters, addresses, parts of a name.
+    /// Plain number without reserved values: counters, addresses, parts of a NAME.
     Plain,
 }
 
-/// One signal of a message.
+/// Signal of a message.
 #[derive(Debug, Clone, Copy)]
 pub struct Signal {
     /// Name in the DBC file.
     pub name: &'static str,
-    /// Suspect parameter number, where the standard has one.
+    /// Suspect parameter number, if the standard assigns one.
     pub spn: Option<u32>,
-    /// First bit, counted from the lowest bit of the first byte. Bytes are little endian.
+    /// First bit, counted from the lowest bit of the first byte; little-endian.
     pub start: u8,
     /// Number of bits, 1 to 32.
     pub length: u8,
-    /// What the raw values at the upper end mean.
+    /// Coding of the upper end of the range.
     pub coding: Coding,
     /// Units per bit.
     pub scale: f32,
-    /// Value of raw zero, in units.
+    /// Physical value of raw zero.
     pub offset: f32,
-    /// Symbol of the unit; empty for numbers and states.
+    /// Unit symbol; empty for numbers and states.
     pub unit: &'static str,
-    /// Names of raw values of a state.
+    /// Names of a state's raw values.
     pub values: &'static [(u32, &'static str)],
-    /// What it is.
+    /// Description.
     pub comment: &'static str,
 }
 
@@ -64,11 +64,11 @@ impl Signal {
         }
     }
 
-    /// Largest raw value that is a value.
+    /// Largest valid raw value.
     #[must_use]
     pub const fn raw_max(&self) -> u32 {
         match self.coding {
-            // The highest byte up to 0xFA, all below it free: five steps of the highest byte below all ones.
+            // The highest byte goes up to 0xFA: five steps of it below all ones.
             Coding::Measured => {
                 self.all_ones().wrapping_sub(5_u32.wrapping_shl((self.length as u32).saturating_sub(8)))
             }
@@ -77,19 +77,19 @@ impl Signal {
         }
     }
 
-    /// Smallest and largest value, in units.
+    /// Smallest and largest physical value.
     #[must_use]
     pub fn range(&self) -> (f32, f32) {
         (self.offset, self.to_units(self.raw_max()))
     }
 
-    /// Whether a value in units is the raw value itself.
+    /// Whether the physical value equals the raw value.
     #[must_use]
     pub fn is_raw(&self) -> bool {
         self.scale == 1.0 && self.offset == 0.0
     }
 
-    /// Raw value as it stands in the frame.
+    /// Raw bits of the signal in the frame.
     #[must_use]
     pub const fn bits(&self, data: &[u8; 8]) -> u32 {
         let shifted = u64::from_le_bytes(*data).wrapping_shr(self.start as u32);
@@ -99,7 +99,7 @@ impl Signal {
     /// Raw value, or why there is none.
     ///
     /// # Errors
-    /// What the sender or the standard says of raw values that are none.
+    /// The reason given by a raw value without a value.
     pub const fn raw(&self, data: &[u8; 8]) -> Result<u32, Absent> {
         let bits = self.bits(data);
         if bits <= self.raw_max() {
@@ -116,10 +116,10 @@ impl Signal {
         }
     }
 
-    /// Value in units, or why there is none.
+    /// Physical value, or why there is none.
     ///
     /// # Errors
-    /// As [`raw`](Self::raw).
+    /// Those of [`raw`](Self::raw).
     pub fn value(&self, data: &[u8; 8]) -> Result<f32, Absent> {
         self.raw(data).map(|raw| self.to_units(raw))
     }
@@ -128,14 +128,14 @@ impl Signal {
         raw as f32 * self.scale + self.offset
     }
 
-    /// Writes a raw value; bits that do not belong to the signal are dropped.
+    /// Writes raw bits; bits beyond the signal's length are dropped.
     pub const fn put_bits(&self, data: &mut [u8; 8], bits: u32) {
         let mask = (self.all_ones() as u64).wrapping_shl(self.start as u32);
         let placed = (bits as u64).wrapping_shl(self.start as u32) & mask;
         *data = ((u64::from_le_bytes(*data) & !mask) | placed).to_le_bytes();
     }
 
-    /// Writes why there is no value.
+    /// Writes the raw value of a missing value.
     pub const fn put_absent(&self, data: &mut [u8; 8], why: Absent) {
         let highest = match (self.coding, why) {
             (_, Absent::NotAvailable) => 0,
@@ -148,7 +148,7 @@ impl Signal {
         self.put_bits(data, self.all_ones().saturating_sub(highest));
     }
 
-    /// Writes a raw value that must be one: what is not is written as an error.
+    /// Writes a raw value; an invalid one is written as an error.
     pub const fn put_raw(&self, data: &mut [u8; 8], raw: u32) {
         if raw <= self.raw_max() {
             self.put_bits(data, raw);
@@ -157,15 +157,15 @@ impl Signal {
         }
     }
 
-    /// Writes a value in units, rounded to the nearest step. A value that is not finite or lies outside the signal's
-    /// range is written as an error, never as the nearest end of the range; half a step beyond an end is rounding.
+    /// Writes a physical value, rounded to the nearest step. A value that is not finite or out of range is written as
+    /// an error, not clamped; half a step beyond the range is rounding.
     pub fn put(&self, data: &mut [u8; 8], value: Result<f32, Absent>) {
         match value {
             Ok(value) => {
                 let steps = (value - self.offset) / self.scale;
                 let beyond = self.raw_max() as f32 + 0.5;
                 if steps > -0.5 && steps < beyond {
-                    // The cast drops the fraction, so half a step more rounds to nearest.
+                    // The cast truncates, so adding half a step rounds to nearest.
                     self.put_raw(data, (steps + 0.5) as u32);
                 } else {
                     self.put_absent(data, Absent::Error);
@@ -176,7 +176,7 @@ impl Signal {
     }
 }
 
-/// Who sends a message.
+/// Sender of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sender {
     /// This controller.
@@ -199,24 +199,24 @@ impl Sender {
     }
 }
 
-/// One message: a parameter group and its signals.
+/// Message: a parameter group and its signals.
 #[derive(Debug, Clone, Copy)]
 pub struct Message {
     /// Name in the DBC file.
     pub name: &'static str,
     /// Parameter group.
     pub pgn: Pgn,
-    /// Priority with which it is sent, 0 first to 7 last.
+    /// Priority, 0 highest to 7 lowest.
     pub priority: u8,
     /// Length in bytes, 1 to 8.
     pub length: u8,
-    /// Period in milliseconds; 0 for messages that are sent on request or on change.
+    /// Period in milliseconds; 0 for messages sent on request or on change.
     pub period_ms: u16,
-    /// Who sends it.
+    /// Sender.
     pub sender: Sender,
-    /// Its signals. Bits of no signal are sent as ones.
+    /// Signals. Unused bits are sent as ones.
     pub signals: &'static [Signal],
-    /// What it is.
+    /// Description.
     pub comment: &'static str,
 }
 
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_outside_the_range_is_an_error_not_the_end_of_the_range() {
+    fn value_out_of_range_is_an_error_and_not_clamped() {
         let (min, max) = SIGNAL.range();
         assert_eq!((min, max), (0.0, 8031.875));
         for wrong in [-0.1, max + 0.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn states_and_wide_signals_keep_their_upper_ends() {
+    fn states_and_wide_signals_have_correct_upper_ends() {
         let state = Signal { length: 4, start: 60, coding: Coding::State, ..SIGNAL };
         let wide = Signal { length: 32, start: 32, coding: Coding::Plain, ..SIGNAL };
         let counter = Signal { coding: Coding::Measured, ..wide };

@@ -1,4 +1,4 @@
-//! The controller on the bus, against what others may send.
+//! The J1939 node against frames of other nodes.
 
 use kou_estimator::units::{LeakageCoefficient, Micros};
 use kou_estimator::{Channel, Estimate, Fault};
@@ -9,7 +9,7 @@ use super::example::example_estimate as estimate;
 use super::signal::Absent;
 use super::*;
 use crate::calibration::CalibrationState;
-use crate::diagnostics::{Code, FaultMemory, Snapshot};
+use crate::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
 
 const ADDRESS: u8 = 0x27;
 
@@ -22,10 +22,10 @@ fn name() -> Name {
 }
 
 fn outputs<'a>(estimate: &'a Estimate, faults: &FaultMemory) -> Outputs<'a> {
-    Outputs { estimate, health: None, calibration: CalibrationState::default(), troubles: faults.troubles() }
+    Outputs { estimate, health: None, calibration: CalibrationState::default(), dtcs: faults.reports() }
 }
 
-/// Everything that is sent until `until`, polled every 10 ms.
+/// Frames sent until `until`, polled every 10 ms.
 fn sent(node: &mut Node, from: u64, until: u64, outputs: &Outputs<'_>) -> Vec<(u64, Frame)> {
     let mut frames = Vec::new();
     for now in (from..until).step_by(10) {
@@ -62,11 +62,11 @@ fn periodic_messages_keep_their_periods() {
         assert!(steady, "{}: {times:?}", message.name);
     }
     assert!(times_of(&frames, c::HEALTH.pgn).is_empty(), "no health is learned here");
-    assert!(times_of(&frames, c::DM1.pgn).is_empty(), "no trouble, no DM1");
+    assert!(times_of(&frames, c::DM1.pgn).is_empty(), "no fault, no DM1");
 }
 
 #[test]
-fn what_is_not_valid_is_not_available_and_its_reason_is_told() {
+fn invalid_part_is_not_available_and_its_reason_is_sent() {
     let estimate = estimate();
     let leakage = publish::leakage(&estimate);
     let near = |value: Result<f32, Absent>, wanted: f32, step: f32| {
@@ -86,27 +86,27 @@ fn what_is_not_valid_is_not_available_and_its_reason_is_told() {
         ("sensor", "motor speed", "stuck")
     );
     assert_eq!(c::WEAR_RATIO.value(&validity), Err(Absent::NotAvailable));
-    // The largest coefficient that a calibration may allow, to a step or f32's rounding; a number that the signal cannot hold
-    // is an error, not the largest it can.
+    // The largest coefficient that a calibration may allow, to a step or f32 rounding; a number beyond the signal's
+    // range is an error, not clamped.
     let mut large = estimate;
     large.expected.as_mut().unwrap().kou = LeakageCoefficient(100.0);
-    let told = c::KOU_EXPECTED.value(&publish::leakage(&large)).unwrap();
-    assert!((told - 100.0).abs() <= 1e-5, "{told}");
+    let sent_kou = c::KOU_EXPECTED.value(&publish::leakage(&large)).unwrap();
+    assert!((sent_kou - 100.0).abs() <= 1e-5, "{sent_kou}");
     large.expected.as_mut().unwrap().kou = LeakageCoefficient(5000.0);
     assert_eq!(c::KOU_EXPECTED.value(&publish::leakage(&large)), Err(Absent::Error));
 }
 
 #[test]
-fn active_troubles_are_told_every_second_and_once_after_they_have_gone() {
+fn active_faults_are_sent_every_second_and_once_after_they_have_healed() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     let mut node = claimed(&outputs(&estimate, &faults));
-    faults.confirmed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck), FreezeFrame::at(1));
+    faults.confirm(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck), FreezeFrame::at(1));
     let frames = sent(&mut node, 1000, 5000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 4);
     assert_eq!(dm1[0].data(), [4, 0xFF, 191, 0, 7, 1, 0xFF, 0xFF]);
-    faults.healed(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck));
+    faults.heal(FaultCode::Sensor(Channel::MotorSpeed, Fault::Stuck));
     let frames = sent(&mut node, 5000, 9000, &outputs(&estimate, &faults));
     let dm1: Vec<&Frame> = frames.iter().map(|(_, f)| f).filter(|f| f.id().pgn() == c::DM1.pgn).collect();
     assert_eq!(dm1.len(), 1);
@@ -114,27 +114,27 @@ fn active_troubles_are_told_every_second_and_once_after_they_have_gone() {
 }
 
 #[test]
-fn requests_are_answered_or_refused() {
+fn requests_are_answered_or_rejected() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     for code in FaultCode::all().take(5) {
-        faults.happened(code, FreezeFrame::at(1));
+        faults.record_event(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);
     let request = |pgn: Pgn, destination: u8| {
         Frame::of(Id::new(6, c::REQUEST.pgn, destination, 0xF9), &pgn.to_le_bytes()).unwrap()
     };
-    // Five previous troubles take 22 bytes: announcement and four packets.
+    // Five previous trouble codes take 22 bytes: announcement and four packets.
     assert_eq!(node.receive(ms(1000), &request(c::DM2.pgn, ADDRESS)), Received::Handled);
     let frames = sent(&mut node, 1000, 2000, &outputs);
     assert_eq!(times_of(&frames, c::TP_CM.pgn), [1000]);
     assert_eq!(times_of(&frames, c::TP_DT.pgn), [1050, 1100, 1150, 1200]);
     let _ = node.receive(ms(2000), &request(Pgn::new(65253), ADDRESS));
-    let refused = node.poll(ms(2000), &outputs).unwrap();
-    assert_eq!(refused.id().raw(), 0x18E8_FF27);
-    assert_eq!(refused.data(), [1, 0xFF, 0xFF, 0xFF, 0xF9, 0xE5, 0xFE, 0x00]);
-    // Asked of everyone, silence is the answer; asked of somebody else, it is not our business.
+    let nack = node.poll(ms(2000), &outputs).unwrap();
+    assert_eq!(nack.id().raw(), 0x18E8_FF27);
+    assert_eq!(nack.data(), [1, 0xFF, 0xFF, 0xFF, 0xF9, 0xE5, 0xFE, 0x00]);
+    // A global request for an unknown group is not answered; a request to another node is ignored.
     let _ = sent(&mut node, 2000, 2010, &outputs);
     let _ = node.receive(ms(2010), &request(Pgn::new(65253), GLOBAL));
     assert_eq!(node.receive(ms(2010), &request(c::DM1.pgn, 0x28)), Received::Nothing);
@@ -144,11 +144,11 @@ fn requests_are_answered_or_refused() {
 }
 
 #[test]
-fn who_loses_the_address_falls_silent_under_it_at_once() {
+fn a_lost_address_is_no_longer_used() {
     let estimate = estimate();
     let mut faults = FaultMemory::new();
     for code in FaultCode::all().take(5) {
-        faults.confirmed(code, FreezeFrame::at(1));
+        faults.confirm(code, FreezeFrame::at(1));
     }
     let outputs = outputs(&estimate, &faults);
     let mut node = claimed(&outputs);

@@ -1,7 +1,7 @@
-//! Messages of more than eight bytes to everyone: announcement and packets of the transport protocol (J1939-21, BAM).
+//! Transport protocol for broadcast messages of more than eight bytes: announcement (BAM) and packets (SAE J1939-21).
 //!
-//! One message at a time, 50 ms between packets. There is no receiver: nothing that the controller listens to is that
-//! long, and a calibration comes by its own transfer (`crate::update`).
+//! One message at a time, 50 ms between packets. There is no receiver: no message that the controller accepts is that
+//! long, and a calibration has its own transfer (`crate::update`).
 
 use heapless::Vec;
 use kou_estimator::units::Micros;
@@ -9,16 +9,18 @@ use kou_estimator::units::Micros;
 use super::catalogue::{TP_CM, TP_CONTROL, TP_DT, TP_PACKETS, TP_PGN, TP_SEQUENCE, TP_SIZE};
 use super::id::{Frame, GLOBAL, Id, Pgn};
 
-/// Longest message that is sent: a list of [`crate::diagnostics::CAPACITY`] troubles.
+/// Longest message: a list of [`crate::diagnostics::CAPACITY`] trouble codes.
 pub const MAX_LEN: usize = 2 + 4 * crate::diagnostics::CAPACITY;
-/// Bytes in a packet.
+/// Payload of a packet in bytes.
 const PACKET: usize = 7;
 /// Time between packets: the standard allows 50 to 200 ms.
 const SPACING_US: u64 = 50_000;
-/// Control byte of an announcement.
+/// Control byte of a broadcast announcement.
 const BAM: u32 = 32;
 
-/// The message under way, if any.
+/// Broadcast of one message.
+#[doc(alias = "BAM")]
+#[doc(alias = "transport protocol")]
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Broadcast {
     pgn: Pgn,
@@ -35,22 +37,22 @@ impl Default for Broadcast {
 }
 
 impl Broadcast {
-    /// Nothing under way.
+    /// No message in progress.
     #[must_use]
     pub const fn new() -> Self {
         Self { pgn: Pgn::new(0), bytes: Vec::new(), next: 0, due: Micros(0) }
     }
 
-    /// Whether a message is under way.
+    /// Whether a message is in progress.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         !self.bytes.is_empty()
     }
 
-    /// Starts a message. `bytes` are more than eight: a shorter message goes in one frame.
+    /// Starts a message of more than eight bytes; a shorter one is sent in one frame.
     ///
     /// # Errors
-    /// False when another is under way or it is too long; nothing changes then.
+    /// Returns false when another message is in progress or the message is too long; nothing changes then.
     #[must_use]
     pub fn start(&mut self, now: Micros, pgn: Pgn, bytes: &[u8]) -> bool {
         if self.is_busy() || self.bytes.extend_from_slice(bytes).is_err() {
@@ -62,12 +64,12 @@ impl Broadcast {
         true
     }
 
-    /// Drops the message under way, as when the address is lost.
+    /// Discards the message in progress, as when the address is lost.
     pub fn stop(&mut self) {
         self.bytes.clear();
     }
 
-    /// The frame that is due.
+    /// Next frame that is due.
     pub fn poll(&mut self, now: Micros, source: u8) -> Option<Frame> {
         if !self.is_busy() || now < self.due {
             return None;
@@ -105,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_message_arrives_whole_in_spaced_packets() {
+    fn message_arrives_complete_in_spaced_packets() {
         for len in 9..=MAX_LEN {
             let bytes: std::vec::Vec<u8> = (0..len as u8).collect();
             let mut broadcast = Broadcast::new();
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_is_too_long_is_refused_whole() {
+    fn message_that_is_too_long_is_rejected() {
         let mut broadcast = Broadcast::new();
         assert!(!broadcast.start(Micros(0), Pgn::new(65226), &[0; MAX_LEN + 1]));
         assert!(!broadcast.is_busy());

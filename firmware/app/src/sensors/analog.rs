@@ -1,27 +1,28 @@
 //! One analogue channel: conversions in, readings out.
 //!
-//! Every conversion is judged in this order: is there one; is it inside the electrical window (open, short); inside the
-//! declared range; not further from the last accepted value than the machine can have moved since (rate); not the same to
-//! the last bit for too long while the machine works (stuck). What passes goes through a first-order low-pass filter. A
-//! failure becomes the reading's reason once it is confirmed; until then the reading keeps the last accepted value with
-//! its own, older time stamp, so that nothing is invented and the estimator's age limit still holds.
+//! Every conversion is checked in this order: present; inside the electrical window (open, short); inside the
+//! declared range; no further from the last accepted value than the machine can have moved since (rate); not
+//! bit-identical for too long while the machine works (stuck). Accepted values pass a first-order low-pass filter. A
+//! failure becomes the reading's fault once confirmed; until then the reading repeats the last accepted value with
+//! its own, older time stamp, so that no value is invented and the estimator's age limit still applies.
 //!
-//! A channel may have a memory of its last good value ([`AnalogConfig::return_rate_per_s`]): then a signal that comes back from a failure
-//! elsewhere than the quantity can have moved to in the meantime is not taken for good because it stands still there.
+//! A channel may remember its last good value ([`AnalogConfig::return_rate_per_s`]): a signal that returns from a
+//! failure further away than the quantity can have moved in the meantime is then not accepted merely because it is
+//! constant.
 //!
-//! An offset or a slow drift inside the range cannot be seen by one channel alone: see
+//! One channel alone cannot detect an offset or slow drift inside the range: see
 //! [`plausibility`](super::plausibility).
 
 use kou_estimator::units::Micros;
 use kou_estimator::{Fault, Reading};
 
-use super::adc::{ConversionError, Counts};
-use super::config::{ConfigError, consistent, number, whole};
+use super::adc::{AdcCounts, ConversionError};
+use super::config::{ConfigError, consistent, integer, number};
 use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
-use super::quantity::Quantity;
 use super::scale::Scale;
+use super::unit::SensorUnit;
 
-/// How a channel is filtered and judged. Rates and bands are in the channel's unit.
+/// Filter and checks of a channel. Rates and bands are in the channel's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnalogConfig<U> {
@@ -29,42 +30,42 @@ pub struct AnalogConfig<U> {
     pub period_us: u32,
     /// Time constant of the low-pass filter, 0 (none) to 60 s.
     pub filter_s: f32,
-    /// Smallest value that the sensor can rightly show.
+    /// Smallest value within the sensor's range.
     pub lowest: U,
-    /// Largest value that the sensor can rightly show.
+    /// Largest value within the sensor's range.
     pub highest: U,
-    /// Fastest change that the machine can make, per second; above 0.
+    /// Fastest possible change by the machine, per second; above 0.
     pub max_rate_per_s: f32,
-    /// Fastest change, per second, by which the quantity itself can have moved while the signal was bad; above 0. A signal
-    /// that returns further away stays a fault of rate until that long has passed. `None` takes it wherever it returns.
+    /// Fastest possible change of the quantity while the signal was bad, per second; above 0. A signal that returns
+    /// further away remains a rate fault until enough time has passed. `None` accepts any value.
     pub return_rate_per_s: Option<f32>,
-    /// Noise of a single conversion: changes below it are never too fast; 0 or more.
+    /// Noise of a single conversion: smaller changes are never too fast; 0 or more.
     pub noise_band: f32,
-    /// Time for which the conversions may be the same to the last bit while the machine works, in ms; `None` does not
-    /// look. Only for a channel whose noise reaches the last bit.
+    /// Time for which conversions may be bit-identical while the machine works, in ms; `None` disables the check.
+    /// Only for a channel whose noise reaches the last bit.
     pub stuck_ms: Option<u32>,
     /// Confirmation and healing.
     pub debounce: DebounceConfig,
 }
 
-/// A checked channel.
+/// Checked channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AnalogParams<U> {
     scale: Scale<U>,
     config: AnalogConfig<U>,
     debounce: DebounceParams,
-    /// Share of the difference that the filter takes over at each conversion.
+    /// Filter gain per conversion.
     gain: f32,
     stuck_after: u32,
 }
 
-impl<U: Quantity> AnalogParams<U> {
+impl<U: SensorUnit> AnalogParams<U> {
     /// Checks a channel's configuration.
     ///
     /// # Errors
     /// The first field out of range or inconsistent.
     pub fn new(scale: Scale<U>, config: &AnalogConfig<U>) -> Result<Self, ConfigError> {
-        whole("period_us", config.period_us, 100, 1_000_000)?;
+        integer("period_us", config.period_us, 100, 1_000_000)?;
         number("filter_s", config.filter_s, 0.0, 60.0)?;
         number("lowest", config.lowest.bare(), -1e4, 1e4)?;
         number("highest", config.highest.bare(), -1e4, 1e4)?;
@@ -75,7 +76,7 @@ impl<U: Quantity> AnalogParams<U> {
             number("return_rate_per_s", rate, 1e-3, 1e6)?;
         }
         if let Some(ms) = config.stuck_ms {
-            whole("stuck_ms", ms, 10, 3_600_000)?;
+            integer("stuck_ms", ms, 10, 3_600_000)?;
         }
         let period_s = config.period_us as f32 * 1e-6;
         let gain = if config.filter_s > 0.0 { -libm::expm1f(-period_s / config.filter_s) } else { 1.0 };
@@ -86,16 +87,16 @@ impl<U: Quantity> AnalogParams<U> {
     }
 }
 
-/// What a channel remembers.
+/// State of a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AnalogState {
     debounce: DebounceState,
-    /// Last accepted value before the filter, and when.
+    /// Last accepted value before the filter, and its time.
     accepted: Option<(Micros, f32)>,
-    /// Last reading before a fault was confirmed, and when.
+    /// Last reading before a fault was confirmed, and its time.
     trusted: Option<(Micros, f32)>,
     filtered: f32,
-    last: Option<Counts>,
+    last: Option<AdcCounts>,
     same: u32,
     now: Micros,
 }
@@ -115,17 +116,17 @@ impl AnalogState {
         }
     }
 
-    /// Takes one conversion in. `live` says that the machine works, so that its signals must move.
-    pub fn observe<U: Quantity>(
+    /// Processes one conversion. `live` means that the machine works, so that its signals must vary.
+    pub fn observe<U: SensorUnit>(
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, ConversionError>,
+        conversion: Result<AdcCounts, ConversionError>,
         live: bool,
     ) {
         self.now = now;
-        let judged = self.judge(params, now, conversion, live);
-        if let Ok(value) = judged {
+        let checked = self.check(params, now, conversion, live);
+        if let Ok(value) = checked {
             self.filtered = match self.accepted {
                 Some(_) => self.filtered + params.gain * (value - self.filtered),
                 None => value,
@@ -135,18 +136,19 @@ impl AnalogState {
                 self.trusted = Some((now, self.filtered));
             }
         }
-        let confirmed = self.debounce.judge(&params.debounce, judged.map(|_| ()));
-        let leaps = judged == Err(Fault::Rate) && self.debounce.fault().is_some();
-        if confirmed || leaps {
-            // What comes after a confirmed fault is a new beginning, wherever it stands; and as long as the signal leaps, so
-            // is each value, or a last wild one would be the measure of the good ones after it. Only `trusted` remembers.
+        let confirmed = self.debounce.update(&params.debounce, checked.map(|_| ()));
+        let jumps = checked == Err(Fault::Rate) && self.debounce.fault().is_some();
+        if confirmed || jumps {
+            // The signal after a confirmed fault starts anew, at any value; while it keeps jumping, so does each
+            // value, or else the last outlier would be the reference of the good ones after it. Only `trusted`
+            // persists.
             self.accepted = None;
         }
     }
 
-    /// The reading as it stands: the filtered value, or the confirmed fault.
+    /// Present reading: the filtered value, or the confirmed fault.
     #[must_use]
-    pub fn reading<U: Quantity>(&self) -> Reading<U> {
+    pub fn reading<U: SensorUnit>(&self) -> Reading<U> {
         match (self.debounce.fault(), self.accepted) {
             (Some(fault), _) => Reading::failed(self.now, fault),
             (None, Some((time, _))) => Reading::new(time, U::from_bare(self.filtered)),
@@ -154,11 +156,11 @@ impl AnalogState {
         }
     }
 
-    fn judge<U: Quantity>(
+    fn check<U: SensorUnit>(
         &mut self,
         params: &AnalogParams<U>,
         now: Micros,
-        conversion: Result<Counts, ConversionError>,
+        conversion: Result<AdcCounts, ConversionError>,
         live: bool,
     ) -> Result<f32, Fault> {
         let config = &params.config;
@@ -185,7 +187,7 @@ impl AnalogState {
     }
 }
 
-/// How far a value may be from the one before.
+/// Largest plausible distance from the previous value.
 fn reach(noise_band: f32, rate_per_s: f32, then: Micros, now: Micros) -> f32 {
     noise_band + rate_per_s * (now.0.saturating_sub(then.0) as f32 * 1e-6)
 }

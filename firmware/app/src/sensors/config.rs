@@ -1,16 +1,16 @@
-//! What every sensor's configuration shares: how it is refused, and the checks that refuse it.
+//! Configuration errors and range checks shared by the sensors.
 
 use core::fmt;
 
 use kou_estimator::Problem;
 
-/// Why a sensor's configuration is refused.
+/// Reason for rejecting a sensor's configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ConfigError {
     /// Name of the field.
     pub field: &'static str,
-    /// What is wrong with it.
+    /// Problem with its value.
     pub problem: Problem,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
-/// A finite number from `min` to `max`.
+/// Checks for a finite number from `min` to `max`.
 pub(super) fn number(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), ConfigError> {
     let problem = if !value.is_finite() {
         Problem::NotFinite
@@ -40,13 +40,13 @@ pub(super) fn number(field: &'static str, value: f32, min: f32, max: f32) -> Res
     Err(ConfigError { field, problem })
 }
 
-/// A whole number from `min` to `max`.
-pub(super) fn whole(field: &'static str, value: u32, min: u32, max: u32) -> Result<(), ConfigError> {
+/// Checks for an integer from `min` to `max`.
+pub(super) fn integer(field: &'static str, value: u32, min: u32, max: u32) -> Result<(), ConfigError> {
     // Exact for the report's purpose: every limit in use is below 2^24 or a round number.
     number(field, value as f32, min as f32, max as f32)
 }
 
-/// A condition between fields.
+/// Checks a condition between fields.
 pub(super) fn consistent(
     field: &'static str,
     holds: bool,

@@ -1,23 +1,23 @@
-//! A judgement of each sample into a fault that is confirmed or healed.
+//! Fault debounce by an up-down counter: per-sample results in, confirmed or healed faults out.
 //!
-//! A level rises by [`RISE`] with a bad sample and falls by one with a good one; at [`RISE`] times `confirm` the fault is
-//! confirmed. So an intermittent fault confirms when more than one sample in five is bad, and a single bad one never.
-//! A confirmed fault heals after `heal` good samples in a row.
+//! The level rises by [`RISE`] with a bad sample and falls by one with a good one; at [`RISE`] times `confirm` the
+//! fault is confirmed. An intermittent fault is therefore confirmed when more than one sample in five is bad, and a
+//! single bad sample never is. A confirmed fault heals after `heal` consecutive good samples.
 
 use kou_estimator::Fault;
 
-use super::config::{ConfigError, whole};
+use super::config::{ConfigError, integer};
 
-/// How fast bad samples outweigh good ones.
+/// Weight of a bad sample relative to a good one.
 pub const RISE: u32 = 4;
 
-/// How long a fault must last before it is believed, and its absence before it is forgiven; in samples.
+/// Durations of confirmation and healing, in samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DebounceConfig {
-    /// Bad samples in a row that confirm a fault, 1 to 60 000.
+    /// Consecutive bad samples that confirm a fault, 1 to 60 000.
     pub confirm: u32,
-    /// Good samples in a row that heal it, 1 to 60 000.
+    /// Consecutive good samples that heal it, 1 to 60 000.
     pub heal: u32,
 }
 
@@ -31,15 +31,17 @@ impl DebounceParams {
     /// Checks the limits.
     ///
     /// # Errors
-    /// The one that is out of range.
+    /// The limit out of range.
     pub fn new(config: &DebounceConfig) -> Result<Self, ConfigError> {
-        whole("debounce.confirm", config.confirm, 1, 60_000)?;
-        whole("debounce.heal", config.heal, 1, 60_000)?;
+        integer("debounce.confirm", config.confirm, 1, 60_000)?;
+        integer("debounce.heal", config.heal, 1, 60_000)?;
         Ok(Self { config: *config })
     }
 }
 
-/// Level and confirmed fault.
+/// State of a debounce: level and confirmed fault.
+#[doc(alias = "fault counter")]
+#[doc(alias = "up-down counter")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DebounceState {
     level: u32,
@@ -54,14 +56,14 @@ impl DebounceState {
         Self { level: 0, good: 0, fault: None }
     }
 
-    /// The confirmed fault.
+    /// Confirmed fault.
     #[must_use]
     pub const fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    /// Takes the judgement of one sample; true when it has just confirmed a fault.
-    pub fn judge(&mut self, params: &DebounceParams, judgement: Result<(), Fault>) -> bool {
+    /// Updates with the result of one sample; returns true when a fault has just been confirmed.
+    pub fn update(&mut self, params: &DebounceParams, judgement: Result<(), Fault>) -> bool {
         let DebounceConfig { confirm, heal } = params.config;
         match judgement {
             Ok(()) => {
@@ -78,7 +80,7 @@ impl DebounceState {
                 self.level = self.level.saturating_add(RISE).min(top);
                 let fresh = self.fault.is_none() && self.level >= top;
                 if fresh || self.fault.is_some() {
-                    // A confirmed fault keeps the name that fits now: a wire that was open may become shorted.
+                    // A confirmed fault takes its latest name: an open wire may become shorted.
                     self.fault = Some(fault);
                 }
                 fresh

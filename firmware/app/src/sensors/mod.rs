@@ -1,23 +1,23 @@
-//! Sensors of a drive: from conversions and edges to readings, each a time stamp plus a value or a reason.
+//! Sensors of a drive: from conversions and edges to readings, each with a time stamp and a value or a fault.
 //!
 //! ```text
-//! ADC  --counts-->  scale  -->  judge  -->  filter  -->  debounce  --\
+//! ADC  --counts-->  scale  -->  check  -->  filter  -->  debounce  --\
 //!                  (open, short) (range, rate, stuck)                 +--> plausibility --> sample
 //! timer --edges-->  pitches (glitch, gap)  -->  speed ----------------/
 //! ```
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`adc`] | conversions, and the MCP3208's driver |
-//! | [`scale`] | counts to pressure, temperature, displacement |
+//! | [`adc`] | analogue-to-digital conversions, and the MCP3208 driver |
+//! | [`scale`] | scaling of counts to pressure, temperature, displacement |
 //! | [`analog`] | one analogue channel: checks and filter |
 //! | [`pickup`] | shaft speed from a toothed wheel |
-//! | [`debounce`] | when a failure is believed, and when forgiven |
-//! | [`plausibility`] | what the sensors say of each other |
-//! | [`set`] | all of a drive's sensors together |
-//! | [`wiring`] | the reference wiring |
+//! | [`debounce`] | confirmation and healing of faults |
+//! | [`plausibility`] | checks between sensors |
+//! | [`set`] | all sensors of a drive |
+//! | [`wiring`] | reference wiring |
 //!
-//! Nothing here waits or touches hardware but [`adc::Mcp3208`]. A configuration is checked once, by the constructor of its
+//! Only [`adc::Mcp3208`] waits or accesses hardware. A configuration is checked once, by the constructor of its
 //! `...Params`; a `...State` holds what changes.
 
 pub mod adc;
@@ -26,13 +26,13 @@ mod config;
 pub mod debounce;
 pub mod pickup;
 pub mod plausibility;
-mod quantity;
 pub mod scale;
 pub mod set;
 #[cfg(test)]
 mod tests;
+mod unit;
 pub mod wiring;
 
 pub use config::ConfigError;
-pub use quantity::Quantity;
-pub use set::{Inputs, SensorsConfig, SensorsParams, SensorsState};
+pub use set::{SensorInputs, SensorsConfig, SensorsParams, SensorsState};
+pub use unit::SensorUnit;

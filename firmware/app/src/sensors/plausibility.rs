@@ -1,22 +1,24 @@
-//! What one sensor alone cannot know: whether the set makes sense together.
+//! Plausibility checks between sensors (analytical redundancy): errors that no single sensor can detect.
 //!
-//! | rule | when | says of |
+//! | rule | condition | sensor in question |
 //! |---|---|---|
-//! | the low line is at charge pressure | the pump turns | the low line's sensor |
-//! | both lines are at charge pressure | the pump turns, displacement about zero | each sensor outside |
-//! | both lines read the same | the pump turns, the motor rests, displacement about zero | both sensors, or the one outside charge pressure |
-//! | the displacement is zero | the pump turns, the motor rests, both lines read the same charge pressure | displacement |
-//! | the motor turns | pump turns, displacement large, high line below its relief setting | motor pickup |
+//! | the low line is at charge pressure | the pump turns | low line's sensor |
+//! | both lines are at charge pressure | the pump turns, displacement about zero | each sensor outside charge pressure |
+//! | both lines read the same | the pump turns, the motor is at rest, displacement about zero | both sensors, or the one outside charge pressure |
+//! | the displacement is zero | the pump turns, the motor is at rest, both lines read the same charge pressure | displacement |
+//! | the motor turns | the pump turns, displacement large, high line below its relief setting | motor pickup |
 //! | the pump turns | the motor turns | pump pickup |
 //! | the motor is not faster than pump and displacement allow | the pump turns | motor pickup |
 //!
-//! Each rule has a debounce of its own and, once confirmed, makes the reading `Implausible` until the rule has been found to
-//! hold again. Neutral is where a drive is redundant: with the pump turning and the motor at rest, oil that does not go
-//! through the motor could only leak, so equal pressures mean zero displacement (0.002 feeds the leakage at charge pressure), and
-//! zero displacement equal pressures. One failure at a time is assumed: with two, neither rule applies.
+//! Each rule has its own debounce and, once violated for that time, makes the reading `Implausible` until the rule is
+//! satisfied again. The drive is redundant in neutral: with the pump turning and the motor at rest, oil that does not
+//! pass the motor can only leak, so equal pressures imply zero displacement (0.002 feeds the leakage at charge
+//! pressure), and zero displacement implies equal pressures. A single failure at a time is assumed: with two, neither
+//! rule applies.
 //!
-//! Limits: an offset of the high line's sensor shows only while its line is low or in neutral; one of the displacement only in
-//! neutral; one of the thermometer only against another thermometer ([`PlausibilityState::compare_oil`]).
+//! Limits: an offset of the high line's sensor is detected only while its line is low or in neutral; one of the
+//! displacement only in neutral; one of the thermometer only by comparison with another thermometer
+//! ([`PlausibilityState::compare_oil`]).
 
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 use kou_estimator::{Fault, Reading};
@@ -24,36 +26,37 @@ use kou_estimator::{Fault, Reading};
 use super::config::{ConfigError, consistent, number};
 use super::debounce::{DebounceConfig, DebounceParams, DebounceState};
 
-/// Bounds between the sensors of one drive.
+/// Limits of the plausibility checks of one drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PlausibilityConfig {
-    /// Pump speed from which the charge circuit holds its pressure and signals must move, 50 to 2000 r/min.
+    /// Pump speed from which the charge circuit maintains its pressure and signals must vary, 50 to 2000 r/min.
     pub working_speed: RevPerMin,
     /// Lowest charge pressure, -0.1 to 10 MPa.
     pub charge_lowest: Megapascal,
     /// Highest charge pressure, up to 10 MPa.
     pub charge_highest: Megapascal,
-    /// Largest difference between the lines' sensors in neutral: their permissible errors together, and below what it
-    /// takes to turn the motor; 0.02 to 5 MPa.
+    /// Largest difference between the lines' sensors in neutral: sum of their permissible errors, below the pressure
+    /// that turns the motor; 0.02 to 5 MPa.
     pub neutral_difference: Megapascal,
-    /// Largest displacement that the sensor may show in neutral, 0.002 to 0.2.
+    /// Largest displacement reading in neutral, 0.002 to 0.2.
     pub zero_displacement: Ratio,
-    /// Largest difference between two thermometers of the oil, 1 to 50 K.
+    /// Largest difference between two oil thermometers, 1 to 50 K.
     pub oil_difference: Celsius,
-    /// Displacement below which the drive idles, 0 to 0.2.
+    /// Displacement below which the drive is idle, 0 to 0.2.
     pub idle_displacement: Ratio,
     /// Displacement from which the motor must turn, 0.1 to 1.
     pub driving_displacement: Ratio,
-    /// High-line pressure from which a load may hold the motor: some MPa below the relief valve's setting, 1 to 100 MPa.
+    /// High-line pressure from which a load may stall the motor: some MPa below the relief valve's setting, 1 to 100
+    /// MPa.
     pub stall_pressure: Megapascal,
-    /// Largest speed ratio at full displacement, 0.1 to 10: displacement ratio, and a margin.
+    /// Largest speed ratio at full displacement including a margin, 0.1 to 10.
     pub largest_ratio: Ratio,
     /// Confirmation and healing, in calls.
     pub debounce: DebounceConfig,
 }
 
-/// Checked bounds.
+/// Checked limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlausibilityParams {
     config: PlausibilityConfig,
@@ -61,7 +64,7 @@ pub struct PlausibilityParams {
 }
 
 impl PlausibilityParams {
-    /// Checks the bounds.
+    /// Checks the limits.
     ///
     /// # Errors
     /// The first field out of range or inconsistent.
@@ -90,14 +93,15 @@ impl PlausibilityParams {
         self.config.charge_highest
     }
 
-    /// Whether the machine works at this pump speed.
+    /// Whether the machine is working at this pump speed.
     #[must_use]
     pub fn works_at(&self, pump: &Reading<RevPerMin>) -> bool {
         pump.value.is_ok_and(|n| n >= self.config.working_speed)
     }
 }
 
-/// Which rules are broken.
+/// State of the plausibility checks: debounce of every rule.
+#[doc(alias = "analytical redundancy")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlausibilityState {
     line_a: DebounceState,
@@ -110,7 +114,7 @@ pub struct PlausibilityState {
     oil: DebounceState,
 }
 
-/// The readings that the rules compare; whatever breaks one is made `Implausible` in place.
+/// Readings compared by the rules; an implausible one is marked in place.
 #[derive(Debug)]
 pub struct Readings<'a> {
     /// Pump speed, without sign.
@@ -126,7 +130,7 @@ pub struct Readings<'a> {
 }
 
 impl PlausibilityState {
-    /// No rule broken.
+    /// No rule violated.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -141,8 +145,8 @@ impl PlausibilityState {
         }
     }
 
-    /// Compares a set of readings, and marks what does not fit.
-    pub fn judge(&mut self, params: &PlausibilityParams, readings: Readings<'_>) {
+    /// Compares a set of readings, and marks implausible ones.
+    pub fn update(&mut self, params: &PlausibilityParams, readings: Readings<'_>) {
         let Readings { pump, motor, line_a, line_b, displacement } = readings;
         let alpha = match displacement.value {
             Ok(alpha) => Some(alpha.get().abs()),
@@ -158,7 +162,7 @@ impl PlausibilityState {
         let idle = alpha.is_some_and(|alpha| alpha <= params.config.idle_displacement.get());
         let (a_fits, b_fits) = if works { params.lines(a, b, idle) } else { (None, None) };
 
-        // A pump that reads zero while the motor turns is not at rest: its rule holds at any speed.
+        // A pump that reads zero while the motor turns is not at rest: its rule applies at any speed.
         settle(&mut self.pump, params, pump_fits, pump);
         settle(&mut self.motor, params, motor_fits, motor);
         settle(&mut self.line_a, params, a_fits, line_a);
@@ -170,8 +174,8 @@ impl PlausibilityState {
         settle(&mut self.displacement, params, neutral.displacement, displacement);
     }
 
-    /// Compares the oil's thermometer with another one's reading, where there is one. Which of the two is wrong nobody can
-    /// tell, so the drive's own counts as implausible.
+    /// Compares the oil temperature with an external reading, if there is one. Which of the two is wrong is unknown,
+    /// so the controller's own reading becomes implausible.
     pub fn compare_oil(
         &mut self,
         params: &PlausibilityParams,
@@ -188,7 +192,7 @@ impl PlausibilityState {
     }
 }
 
-/// What neutral says of each sensor; `None` where it says nothing.
+/// Result of the neutral rules for each sensor; `None` where no rule applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Neutral {
     line_a: Option<bool>,
@@ -201,7 +205,7 @@ impl PlausibilityParams {
         p >= self.config.charge_lowest && p <= self.config.charge_highest
     }
 
-    /// Whether each line's pressure fits; `None` where nothing can be said.
+    /// Whether each line's pressure is plausible; `None` where no rule applies.
     fn lines(
         &self,
         a: Option<Megapascal>,
@@ -216,21 +220,21 @@ impl PlausibilityParams {
         }
     }
 
-    /// What the sensors say of each other while the pump turns and the motor rests.
+    /// Neutral rules: pump turning and motor at rest.
     fn neutral(&self, a: Option<Megapascal>, b: Option<Megapascal>, alpha: Option<f32>) -> Neutral {
         let (Some(a), Some(b), Some(alpha)) = (a, b, alpha) else { return Neutral::default() };
         let same = (a.get() - b.get()).abs() <= self.config.neutral_difference.get();
         let idle = alpha <= self.config.idle_displacement.get();
         let (a_at, b_at) = (self.at_charge(a), self.at_charge(b));
         Neutral {
-            // Of two that differ the one outside charge pressure is wrong; of two inside nobody can tell which.
+            // Of two that differ the one outside charge pressure is wrong; if both are inside, both are in question.
             line_a: idle.then_some(same || (a_at && !b_at)),
             line_b: idle.then_some(same || (b_at && !a_at)),
             displacement: (same && a_at && b_at).then_some(alpha <= self.config.zero_displacement.get()),
         }
     }
 
-    /// Whether pump and motor speed fit; `None` where nothing can be said.
+    /// Whether pump and motor speed are plausible; `None` where no rule applies.
     fn speeds(
         &self,
         pump: &Reading<RevPerMin>,
@@ -243,13 +247,13 @@ impl PlausibilityParams {
         let config = &self.config;
         let (Ok(n_p), Ok(n_m)) = (pump.value, motor.value) else { return (None, None) };
         if n_p < config.working_speed {
-            // A motor that is driven by its load turns the pump, too, unless the displacement is about zero.
+            // A motor driven by its load turns the pump as well, unless the displacement is about zero.
             let linked = alpha.is_some_and(|alpha| alpha >= config.driving_displacement.get());
             let contradicts = n_p.get() == 0.0 && n_m >= config.working_speed;
             return if linked { (Some(!contradicts), None) } else { (None, None) };
         }
         let Some(alpha) = alpha else { return (Some(true), None) };
-        // The motor coasts for a moment after the displacement is taken back; the debounce outlasts it.
+        // The motor coasts briefly after the displacement returns to zero; the debounce is longer.
         let fastest = config.largest_ratio.get() * n_p.get() * alpha.max(config.idle_displacement.get());
         if n_m.get() > fastest {
             return (Some(true), Some(false));
@@ -265,7 +269,7 @@ impl PlausibilityParams {
     }
 }
 
-/// Takes a judgement in, and makes the reading `Implausible` while the fault is confirmed.
+/// Updates a rule's debounce, and marks the reading `Implausible` while its fault is confirmed.
 fn settle<U>(
     state: &mut DebounceState,
     params: &PlausibilityParams,
@@ -273,7 +277,7 @@ fn settle<U>(
     reading: &mut Reading<U>,
 ) {
     if let Some(fits) = fits {
-        state.judge(&params.debounce, if fits { Ok(()) } else { Err(Fault::Implausible) });
+        state.update(&params.debounce, if fits { Ok(()) } else { Err(Fault::Implausible) });
     }
     if let (Some(fault), Ok(_)) = (state.fault(), &reading.value) {
         *reading = Reading::failed(reading.time, fault);

@@ -1,6 +1,6 @@
-//! From counts to engineering units, and the electrical window outside which a wire is broken or shorted.
+//! Scaling of counts to engineering units, and the electrical window outside which a wire is broken or shorted.
 //!
-//! Four ways to wire a sensor. All are read as a share `x` of the converter's reference voltage:
+//! Four kinds of wiring, all read as a ratio `x` of the converter's reference voltage:
 //!
 //! ```text
 //! current loop    x = I*R_shunt/V_ref                    4 to 20 mA over the span; NAMUR NE 43 bounds
@@ -11,17 +11,16 @@
 //! PT1000: `R = 1000*(1 + A*t + B*t^2 + C*(t - 100)*t^3)`, C only below zero (Callendar and van Dusen, IEC 60751).
 //! NTC: `1/T = 1/298.15 K + ln(R/R_25)/beta`, good to some 1 K over 0 to 100 degC with the sheet's beta of that span.
 //!
-//! Twelve bits resolve 0.3 K of a PT1000 with a 2.2 kOhm pull-up; the channel's filter and the noise of the last bit do
-//! the rest.
+//! Twelve bits resolve 0.3 K of a PT1000 with a 2.2 kOhm pull-up; filter and noise of the last bit improve on that.
 
 use core::marker::PhantomData;
 
 use kou_estimator::Fault;
 use kou_estimator::units::{Celsius, Megapascal, Ratio};
 
-use super::adc::Counts;
+use super::adc::AdcCounts;
 use super::config::{ConfigError, consistent, number};
-use super::quantity::Quantity;
+use super::unit::SensorUnit;
 
 /// Coefficients of IEC 60751.
 const PT_A: f32 = 3.9083e-3;
@@ -31,17 +30,18 @@ const PT_OHM: f32 = 1000.0;
 /// Zero of the Celsius scale and 25 degC, K.
 const ZERO_K: f32 = 273.15;
 const ROOM_K: f32 = 298.15;
-/// Currents below and above which a loop is broken or shorted, mA (NAMUR NE 43).
+/// Currents below and above which a loop counts as broken or shorted, mA (NAMUR NE 43).
 const LOOP_BROKEN_MA: f32 = 3.6;
 const LOOP_SHORTED_MA: f32 = 21.0;
-/// Shares of its supply below and above which a ratiometric sensor's wire is broken or shorted: half its live zero.
+/// Fractions of the supply below and above which a ratiometric sensor's wire counts as broken or shorted: half its
+/// live zero.
 const RATIOMETRIC_BROKEN: f32 = 0.05;
 const RATIOMETRIC_SHORTED: f32 = 0.95;
-/// Temperatures at whose resistance a resistive sensor counts as shorted or broken, degC: beyond any oil's.
+/// Temperatures whose resistances mark a shorted or broken thermometer, degC: beyond any oil temperature.
 const COLDEST_C: f32 = -60.0;
 const HOTTEST_C: f32 = 250.0;
 
-/// A sensor with a linear output, as its data sheet and the board's circuit state it.
+/// Sensor with a linear output, as specified by its data sheet and the board's circuit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LinearConfig<U> {
@@ -56,9 +56,9 @@ pub enum LinearConfig<U> {
         /// Value at 20 mA.
         at_span: U,
     },
-    /// 0.5 to 4.5 V of a 5 V supply: 10 to 90 % of it, whatever it is.
+    /// 0.5 to 4.5 V of a 5 V supply: 10 to 90 % of the actual supply.
     Ratiometric {
-        /// Sensor's supply at the converter's input (after any divider) over its reference voltage, 0.3 to 1.05.
+        /// Sensor supply at the converter's input (after any divider) relative to its reference voltage, 0.3 to 1.05.
         supply_over_reference: f32,
         /// Value at 10 % of the supply.
         at_zero: U,
@@ -67,7 +67,7 @@ pub enum LinearConfig<U> {
     },
 }
 
-/// A resistive thermometer to ground with a pull-up to the converter's reference.
+/// Resistive thermometer to ground with a pull-up to the converter's reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ThermometerConfig {
@@ -82,7 +82,7 @@ pub enum ThermometerConfig {
         pull_up_ohm: f32,
         /// Resistance at 25 degC, 100 to 1 000 000 Ohm.
         ohm_at_25_c: f32,
-        /// Beta between 25 degC and some 85 degC, 2000 to 6000 K.
+        /// Beta between 25 degC and about 85 degC, 2000 to 6000 K.
         beta_k: f32,
     },
 }
@@ -94,11 +94,11 @@ enum Curve {
     Ntc { pull_up_over_r25: f32, per_beta: f32 },
 }
 
-/// A checked scaling: counts to a quantity.
+/// Checked scaling from counts to a quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale<U> {
     curve: Curve,
-    /// Shares below and above the electrical window, and which fault each side means.
+    /// Limits of the electrical window, and the fault on each side.
     low: f32,
     high: f32,
     below: Fault,
@@ -106,12 +106,12 @@ pub struct Scale<U> {
     unit: PhantomData<U>,
 }
 
-impl<U: Quantity> Scale<U> {
-    /// Value of a conversion.
+impl<U: SensorUnit> Scale<U> {
+    /// Quantity of a conversion.
     ///
     /// # Errors
     /// [`Fault::Open`] or [`Fault::Short`] outside the electrical window.
-    pub fn value(&self, counts: Counts) -> Result<U, Fault> {
+    pub fn value(&self, counts: AdcCounts) -> Result<U, Fault> {
         let share = counts.share();
         if share < self.low {
             return Err(self.below);
@@ -127,7 +127,7 @@ impl<U: Quantity> Scale<U> {
                 1.0 / (1.0 / ROOM_K + log * per_beta) - ZERO_K
             }
         };
-        // The window keeps share away from 0 and 1, so this holds; stated, so that nothing downstream can meet a NaN.
+        // The window excludes ratios of 0 and 1, so the result is finite; checked so that no NaN can propagate.
         if bare.is_finite() { Ok(U::from_bare(bare)) } else { Err(Fault::NotFinite) }
     }
 
@@ -205,7 +205,7 @@ impl Scale<Celsius> {
                 (curve, share(at(HOTTEST_C)), share(at(COLDEST_C)))
             }
         };
-        // Half a count from either end: a dead short must be told from the hottest thermistor.
+        // Half a count from either end: a dead short must differ from the hottest thermistor.
         let (least, most) = (0.5 / 4096.0, 1.0 - 1.5 / 4096.0);
         let (low, high) = (low.max(least), high.min(most));
         Ok(Self { curve, low, high, below: Fault::Short, above: Fault::Open, unit: PhantomData })
@@ -218,15 +218,16 @@ fn platinum_ohm(t_c: f32) -> f32 {
     PT_OHM * (1.0 + t_c * (PT_A + t_c * PT_B) + cubic)
 }
 
-/// Temperature of a PT1000 by its resistance over that at 0 degC, 0.7 to 2.
+/// Temperature of a PT1000 from its resistance relative to that at 0 degC, 0.7 to 2.
 fn platinum_c(ratio: f32) -> f32 {
-    // The quadratic's root in the form that does not cancel.
+    // Root of the quadratic in the form without cancellation.
     let above = ratio - 1.0;
     let t = 2.0 * above / (PT_A + libm::sqrtf((PT_A * PT_A + 4.0 * PT_B * above).max(0.0)));
     if t >= 0.0 {
         return t;
     }
-    // Below zero the fourth-degree term moves it by up to 0.2 K (at -60 degC): one step of Newton leaves 1e-3 K.
+    // Below zero the fourth-degree term changes the result by up to 0.2 K (at -60 degC): one Newton step leaves 1e-3
+    // K.
     let wrong = platinum_ohm(t) / PT_OHM - ratio;
     t - wrong / (PT_A + 2.0 * PT_B * t)
 }

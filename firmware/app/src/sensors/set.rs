@@ -1,9 +1,9 @@
-//! All sensors of one drive: conversions and edges in each millisecond, a sample for the estimator when asked.
+//! Sensor set of a drive: inputs of each millisecond in, a sample for the estimator out.
 
 use kou_estimator::units::{Celsius, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Reading, Sample};
 
-use super::adc::{ConversionError, Counts, Input};
+use super::adc::{AdcCounts, ConversionError, Input};
 use super::analog::{AnalogConfig, AnalogParams, AnalogState};
 use super::config::ConfigError;
 use super::pickup::{Edges, PickupConfig, PickupCounts, PickupParams, PickupState};
@@ -13,27 +13,27 @@ use super::scale::{LinearConfig, Scale, ThermometerConfig};
 /// Analogue channels of a drive.
 pub const CHANNELS: usize = 4;
 
-/// Sensors of a drive, as wired.
+/// Configuration of a drive's sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SensorsConfig {
-    /// Line A, which is high in forward drive; or the only pressure sensor, on the high line.
+    /// Line A, high in forward drive; or the only pressure sensor, on the high line.
     pub line_a: (Input, LinearConfig<Megapascal>, AnalogConfig<Megapascal>),
-    /// Line B, where it has a sensor; then either line may be the high one.
+    /// Line B, if it has a sensor; then either line may be the high one.
     pub line_b: Option<(Input, LinearConfig<Megapascal>, AnalogConfig<Megapascal>)>,
-    /// Compensated oil.
+    /// Oil in the case or tank.
     pub oil: (Input, ThermometerConfig, AnalogConfig<Celsius>),
-    /// Displacement of the pump; without a sensor the estimator takes full displacement.
+    /// Displacement of the pump; without a sensor the estimator assumes full displacement.
     pub displacement: Option<(Input, LinearConfig<Ratio>, AnalogConfig<Ratio>)>,
     /// Pickup on the pump's shaft.
     pub pump: PickupConfig,
     /// Pickup on the motor's shaft.
     pub motor: PickupConfig,
-    /// Bounds between them.
+    /// Limits of the plausibility checks.
     pub plausibility: PlausibilityConfig,
 }
 
-/// Checked sensors.
+/// Checked sensor configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorsParams {
     inputs: [Option<Input>; CHANNELS],
@@ -76,19 +76,19 @@ impl SensorsParams {
         })
     }
 
-    /// Inputs to convert each millisecond, in the order in which [`Inputs::analog`] holds the conversions.
+    /// Inputs to convert each millisecond, in the order of [`SensorInputs::analog`].
     #[must_use]
     pub const fn inputs(&self) -> &[Option<Input>; CHANNELS] {
         &self.inputs
     }
 }
 
-/// What was read in one millisecond.
+/// Inputs read in one millisecond.
 #[derive(Debug, Clone)]
-pub struct Inputs {
-    /// Conversions of [`SensorsParams::inputs`]; those of channels that are not fitted are not looked at.
-    pub analog: [Result<Counts, ConversionError>; CHANNELS],
-    /// The timer's count when the edges were taken.
+pub struct SensorInputs {
+    /// Conversions of [`SensorsParams::inputs`]; those of channels not fitted are ignored.
+    pub analog: [Result<AdcCounts, ConversionError>; CHANNELS],
+    /// Timer count when the edges were collected.
     pub count: u32,
     /// Edges of the pump's pickup.
     pub pump: Edges,
@@ -96,7 +96,7 @@ pub struct Inputs {
     pub motor: Edges,
 }
 
-impl Inputs {
+impl SensorInputs {
     /// Nothing read.
     #[must_use]
     pub const fn new() -> Self {
@@ -109,13 +109,13 @@ impl Inputs {
     }
 }
 
-impl Default for Inputs {
+impl Default for SensorInputs {
     fn default() -> Self {
         Self::new()
     }
 }
 
-/// What the sensors remember.
+/// State of every sensor.
 #[derive(Debug, Clone)]
 pub struct SensorsState {
     now: Micros,
@@ -144,8 +144,8 @@ impl SensorsState {
         }
     }
 
-    /// Takes in what was read at `now`.
-    pub fn observe(&mut self, params: &SensorsParams, now: Micros, inputs: &Inputs) {
+    /// Processes the inputs read at `now`.
+    pub fn observe(&mut self, params: &SensorsParams, now: Micros, inputs: &SensorInputs) {
         self.now = now;
         self.pump.poll(&params.pump, now, inputs.count, &inputs.pump);
         self.motor.poll(&params.motor, now, inputs.count, &inputs.motor);
@@ -161,8 +161,9 @@ impl SensorsState {
         }
     }
 
-    /// The readings as they stand, compared with each other, as a sample for the estimator. Call it at a fixed rate: the
-    /// comparisons' debounce counts calls. `other_oil` is another thermometer's reading of the oil, or a reason why there is none.
+    /// Present readings after plausibility checks, as a sample for the estimator. Call it at a fixed rate: the
+    /// debounce of the checks counts calls. `other_oil` is the reading of an external thermometer, or the reason why
+    /// there is none.
     pub fn sample(&mut self, params: &SensorsParams, other_oil: &Reading<Celsius>) -> Sample {
         let mut sample = Sample::empty(self.now);
         let mut pump = self.pump.reading(&params.pump);
@@ -173,7 +174,7 @@ impl SensorsState {
             Some(_) => self.displacement.reading(),
             None => Reading::not_fitted(),
         };
-        // Before the sensors are compared: one that is found implausible must not change sides.
+        // Before the plausibility checks: an implausible line must not change sides.
         let charge_highest = params.plausibility.charge_highest();
         let high = line_b.as_ref().map_or(High::A, |line_b| high(&line_a, line_b, charge_highest));
         let readings = Readings {
@@ -183,7 +184,7 @@ impl SensorsState {
             line_b: line_b.as_mut(),
             displacement: &mut displacement,
         };
-        self.plausibility.judge(&params.plausibility, readings);
+        self.plausibility.update(&params.plausibility, readings);
 
         let reversed = displacement.value.is_ok_and(|alpha| alpha.get() < 0.0);
         sample.pump_speed = pump;
@@ -198,7 +199,8 @@ impl SensorsState {
         };
         sample.oil_temperature = self.oil.reading();
         self.plausibility.compare_oil(&params.plausibility, &mut sample.oil_temperature, other_oil);
-        // The swash has stops at full displacement: what the sensor shows beyond is its own error, and within its range.
+        // The swash plate has mechanical stops at full displacement: a reading beyond them, within the sensor's
+        // range, is sensor error.
         sample.displacement = Reading {
             value: displacement.value.map(|alpha| Ratio(alpha.get().clamp(-1.0, 1.0))),
             ..displacement
@@ -206,7 +208,7 @@ impl SensorsState {
         sample
     }
 
-    /// What the pickups have rejected so far, pump and motor.
+    /// Edge counts of the pickups, pump and motor.
     #[must_use]
     pub const fn pickup_counts(&self) -> (PickupCounts, PickupCounts) {
         (self.pump.counts(), self.motor.counts())
@@ -219,15 +221,15 @@ impl Default for SensorsState {
     }
 }
 
-/// Which of the two lines is high.
+/// Identity of the high line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum High {
     A,
     B,
 }
 
-/// The line that is high. With one sensor failed it is the other line if that is above charge pressure, and else unknown:
-/// then the line that failed is taken for it, because without it there is no estimate.
+/// High line. With one failed sensor it is the other line if that is above charge pressure; otherwise unknown: then
+/// the failed line is assumed, because without it there is no estimate.
 fn high(a: &Reading<Megapascal>, b: &Reading<Megapascal>, charge_highest: Megapascal) -> High {
     let a_is_high = match (a.value, b.value) {
         (Ok(a), Ok(b)) => a >= b,

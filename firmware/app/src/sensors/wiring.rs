@@ -1,6 +1,7 @@
-//! The reference wiring: what the boards' documentation describes, and what the tests and the emulated controller use.
+//! Reference wiring: used by the boards' documentation, the tests and the emulated controller.
 //!
-//! A vehicle with other sensors states its own [`SensorsConfig`]; nothing else in the firmware knows these numbers.
+//! A vehicle with other sensors supplies its own [`SensorsConfig`]; no other part of the firmware contains these
+//! numbers.
 
 use kou_estimator::units::{Celsius, Megapascal, Ratio, RevPerMin};
 
@@ -14,18 +15,18 @@ use super::set::SensorsConfig;
 
 /// Period of the sample task, us.
 pub const SAMPLE_PERIOD_US: u32 = 1000;
-/// Reference and supply of the converter.
+/// Reference voltage and supply of the converter.
 const REFERENCE_V: f32 = 3.3;
 
 const fn input(number: u8) -> Input {
     match Input::new(number) {
         Some(input) => input,
-        // Never taken; the numbers stand below.
+        // Unreachable: the numbers below are valid.
         None => input(0),
     }
 }
 
-/// 50 ms to believe a failure, half a second to forgive it.
+/// 50 ms to confirm a failure, half a second to heal it.
 const ANALOG_DEBOUNCE: DebounceConfig = DebounceConfig { confirm: 50, heal: 500 };
 
 /// 4 to 20 mA for 0 to 60 MPa through 150 Ohm: 0.02 MPa per count.
@@ -36,7 +37,7 @@ const PRESSURE: LinearConfig<Megapascal> = LinearConfig::CurrentLoop {
     at_span: Megapascal(60.0),
 };
 
-/// A line goes from charge pressure to the relief valve in some 20 ms; piston ripple is up to 3 MPa.
+/// A line rises from charge pressure to the relief valve's setting in about 20 ms; piston ripple is up to 3 MPa.
 const LINE: AnalogConfig<Megapascal> = AnalogConfig {
     period_us: SAMPLE_PERIOD_US,
     filter_s: 0.05,
@@ -49,8 +50,8 @@ const LINE: AnalogConfig<Megapascal> = AnalogConfig {
     debounce: ANALOG_DEBOUNCE,
 };
 
-/// Oil warms by some kelvin a minute; cold oil reaching the sensor may be faster, but the tank as a whole changes by half a
-/// kelvin a second at most: 20 kW into 20 L. One count is 0.34 K, the noise of a conversion half of that.
+/// Oil warms by some kelvin a minute; cold oil may reach the sensor faster, but the whole tank changes by at most
+/// half a kelvin per second: 20 kW into 20 L. One count is 0.34 K, the noise of a conversion half of that.
 const OIL: AnalogConfig<Celsius> = AnalogConfig {
     period_us: SAMPLE_PERIOD_US,
     filter_s: 1.0,
@@ -63,7 +64,7 @@ const OIL: AnalogConfig<Celsius> = AnalogConfig {
     debounce: ANALOG_DEBOUNCE,
 };
 
-/// The swash moves from end to end in 100 ms at the fastest.
+/// The swash plate moves from stop to stop in 100 ms at the fastest.
 const SWASH: AnalogConfig<Ratio> = AnalogConfig {
     period_us: SAMPLE_PERIOD_US,
     filter_s: 0.02,
@@ -76,7 +77,7 @@ const SWASH: AnalogConfig<Ratio> = AnalogConfig {
     debounce: ANALOG_DEBOUNCE,
 };
 
-/// Sixty teeth, stamped at 10 MHz; below 2 r/min it stands.
+/// Sixty teeth, stamped at 10 MHz; standstill below 2 r/min.
 const PICKUP: PickupConfig = PickupConfig {
     teeth: 60,
     gap_teeth: 0,
@@ -87,14 +88,14 @@ const PICKUP: PickupConfig = PickupConfig {
     debounce: DebounceConfig { confirm: 60, heal: 600 },
 };
 
-/// The reference wiring.
+/// Reference wiring.
 pub const REFERENCE: SensorsConfig = SensorsConfig {
     line_a: (input(0), PRESSURE, LINE),
     line_b: Some((input(1), PRESSURE, LINE)),
     oil: (input(2), ThermometerConfig::Pt1000 { pull_up_ohm: 2200.0 }, OIL),
     displacement: Some((
         input(3),
-        // Supplied from the converter's reference, so that its supply's error cancels.
+        // Supplied from the converter's reference, so that its error cancels.
         LinearConfig::Ratiometric { supply_over_reference: 1.0, at_zero: Ratio(-1.1), at_span: Ratio(1.1) },
         SWASH,
     )),
@@ -102,15 +103,15 @@ pub const REFERENCE: SensorsConfig = SensorsConfig {
     motor: PICKUP,
     plausibility: PlausibilityConfig {
         working_speed: RevPerMin(400.0),
-        // The flushing valve holds the low line at 1.5 MPa, the charge relief valve both lines at 2.4 MPa in neutral; cold oil
-        // raises both, a burst of flow lowers the first.
+        // The flushing valve holds the low line at 1.5 MPa, the charge relief valve both lines at 2.4 MPa in neutral;
+        // cold oil raises both, a burst of flow lowers the former.
         charge_lowest: Megapascal(0.8),
         charge_highest: Megapascal(3.5),
-        // Half a per cent of 60 MPa twice, and noise.
+        // Half a per cent of 60 MPa twice, plus noise.
         neutral_difference: Megapascal(0.4),
-        // Leakage at charge pressure needs 0.002; zero of the sensor's adjustment 0.5 % of its span.
+        // Leakage at charge pressure needs 0.002; the sensor's zero adjustment is 0.5 % of its span.
         zero_displacement: Ratio(0.01),
-        // A vehicle's thermometers sit in different places.
+        // The thermometers of a vehicle are at different places.
         oil_difference: Celsius(10.0),
         idle_displacement: Ratio(0.03),
         driving_displacement: Ratio(0.2),

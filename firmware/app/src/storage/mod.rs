@@ -1,21 +1,22 @@
-//! What the controller keeps in flash: calibration, learned health, fault memory, hours and restarts.
+//! Records in flash: calibration, learned health, fault memory, operating counters.
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`store`](mod@store) | records in flash, each twice, by kind |
+//! | [`store`](mod@store) | redundant record store: each record in two copies |
 //! | [`framing`] | frame of a record: schema, sequence number, CRC; migration |
 //! | [`records`] | record types |
 //!
-//! Power may fail at any byte of any write: what is read afterwards is the old record or the new one, whole, and writing
-//! works again. A damaged bit is corrected from the record's twin. `docs/storage.md` has layout, sequence and limits.
+//! Power may fail at any byte of a write: the next read returns either the old record or the new one, intact, and
+//! further writes succeed. A damaged copy is restored from the other one. `docs/storage.md` describes layout,
+//! sequence and limits.
 //!
-//! A write must be awaited to its end. A task of its own does it; never a `select` or a time-out, which would drop the
+//! A write must be awaited to its end, by a task of its own; never within `select` or a timeout, which would drop the
 //! flash driver in the middle of an operation.
 
 pub mod framing;
 pub mod records;
 pub mod store;
 
-pub use framing::{Kind, Record};
+pub use framing::{Record, RecordKind};
 pub use records::{CrashReport, HealthRecord, OperatingCounters, StoredCalibration, UpdateCounter};
-pub use store::{BUFFER_LEN, Healed, MIN_BYTES, RegionError, Store, StoreError};
+pub use store::{BUFFER_LEN, MIN_BYTES, RegionError, RepairReport, Store, StoreError};

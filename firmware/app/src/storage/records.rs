@@ -1,29 +1,29 @@
-//! The records that there are.
+//! Record types stored in flash.
 
 use kou_estimator::health::HealthState;
 use serde::{Deserialize, Serialize};
 
-use super::framing::{Kind, Record};
-use crate::diagnostics::{FaultMemory, Note, ResetCause};
+use super::framing::{Record, RecordKind};
+use crate::diagnostics::{CrashRecord, FaultMemory, ResetCause};
 
-/// A calibration with the counter of the update that brought it: they are one record, so they cannot part.
+/// Calibration together with the counter of its update, in one record so that they are always consistent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoredCalibration<'a> {
-    /// Counter of the update; the next one's must be higher. 0 for a calibration that came without an update.
+    /// Counter of the update; the next update needs a higher one. 0 for a calibration that did not come by an update.
     pub counter: u32,
-    /// The calibration's binary record (`docs/calibration-record.md`), with a schema and a CRC of its own; empty when the
-    /// default is to be used.
+    /// Binary calibration record (`docs/calibration-record.md`) with its own schema and CRC; empty to select the
+    /// default.
     #[serde(borrow)]
     pub record: &'a [u8],
 }
 
 impl<'a> Record<'a> for StoredCalibration<'a> {
-    const KIND: Kind = Kind::Calibration;
+    const KIND: RecordKind = RecordKind::Calibration;
     const SCHEMA: u16 = 1;
 }
 
-/// The counter of the last accepted update once more, by itself: it stays readable where the calibration does not, as when
-/// another version wrote it. The counter in force is the larger of the two.
+/// Counter of the last accepted update as a separate record: readable even if the calibration is not, for instance
+/// because another version wrote it. The larger of the two counters is in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UpdateCounter {
     /// Counter of the update.
@@ -31,40 +31,40 @@ pub struct UpdateCounter {
 }
 
 impl Record<'_> for UpdateCounter {
-    const KIND: Kind = Kind::UpdateCounter;
+    const KIND: RecordKind = RecordKind::UpdateCounter;
     const SCHEMA: u16 = 1;
 }
 
-/// Why the firmware stopped itself the last time that it did: the note that outlived the reset.
+/// Crash report: the last crash record that survived a reset, with its operating time.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CrashReport {
-    /// Operating time before the stop, in seconds, as far as it had been written.
+    /// Operating time before the crash, in seconds, as last written.
     pub operating_s: u32,
-    /// What it was.
-    pub note: Note,
+    /// Crash record.
+    pub crash: CrashRecord,
 }
 
 impl Record<'_> for CrashReport {
-    const KIND: Kind = Kind::Stop;
+    const KIND: RecordKind = RecordKind::Stop;
     const SCHEMA: u16 = 1;
 }
 
-/// Learned health. It is relative to the law that it was learned with, so it names the calibration.
+/// Learned health with the calibration that it refers to, since health is relative to that calibration's law.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HealthRecord {
     /// CRC-32 at the end of the calibration's record.
     pub calibration_crc: u32,
-    /// What was learned.
+    /// Learned state.
     pub state: HealthState,
 }
 
 impl Record<'_> for HealthRecord {
-    const KIND: Kind = Kind::Health;
+    const KIND: RecordKind = RecordKind::Health;
     const SCHEMA: u16 = 2;
 }
 
 impl HealthRecord {
-    /// The state, when it was learned with this calibration; health is learned anew when not.
+    /// The state, if it was learned with this calibration; otherwise health is learned anew.
     #[must_use]
     pub fn for_calibration(&self, crc: u32) -> Option<&HealthState> {
         (self.calibration_crc == crc).then_some(&self.state)
@@ -72,47 +72,47 @@ impl HealthRecord {
 }
 
 impl Record<'_> for FaultMemory {
-    const KIND: Kind = Kind::Faults;
+    const KIND: RecordKind = RecordKind::Faults;
     const SCHEMA: u16 = 1;
 }
 
-/// Hours and restarts.
+/// Operating counters: operating time, starts and resets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Life {
-    /// Time for which the controller has been running, in seconds; up to the last write before a power cut.
+pub struct OperatingCounters {
+    /// Operating time of the controller, in seconds; up to the last write before a power cut.
     pub operating_s: u32,
-    /// Starts.
+    /// Number of starts.
     pub starts: u32,
-    /// Why it started last.
+    /// Cause of the last start.
     pub last_reset: ResetCause,
-    /// Restarts that nobody asked for: brown-out, watchdog, panic.
-    pub unasked: u32,
+    /// Unplanned resets: brown-out, watchdog, panic.
+    pub unplanned_resets: u32,
 }
 
-impl Life {
-    /// Nothing has happened yet.
+impl OperatingCounters {
+    /// All counters zero.
     #[must_use]
     pub const fn new() -> Self {
-        Self { operating_s: 0, starts: 0, last_reset: ResetCause::PowerOn, unasked: 0 }
+        Self { operating_s: 0, starts: 0, last_reset: ResetCause::PowerOn, unplanned_resets: 0 }
     }
 
     /// Counts a start.
-    pub fn started(&mut self, cause: ResetCause) {
+    pub fn count_start(&mut self, cause: ResetCause) {
         self.starts = self.starts.saturating_add(1);
         self.last_reset = cause;
-        if cause.trouble().is_some() {
+        if cause.fault_code().is_some() {
             self.unplanned_resets = self.unplanned_resets.saturating_add(1);
         }
     }
 
-    /// Counts operating time.
-    pub fn ran(&mut self, seconds: u32) {
+    /// Adds operating time.
+    pub fn add_operating_time(&mut self, seconds: u32) {
         self.operating_s = self.operating_s.saturating_add(seconds);
     }
 }
 
-impl Record<'_> for Life {
-    const KIND: Kind = Kind::OperatingCounters;
+impl Record<'_> for OperatingCounters {
+    const KIND: RecordKind = RecordKind::OperatingCounters;
     const SCHEMA: u16 = 1;
 }

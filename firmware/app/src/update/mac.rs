@@ -1,25 +1,25 @@
-//! The authentication tag of an update: HMAC-SHA256 (RFC 2104, FIPS 180-4), compared in constant time.
+//! Authentication tag of an update: HMAC-SHA256 (RFC 2104, FIPS 180-4), compared in constant time.
 //!
 //! ```text
 //! tag = HMAC-SHA256(key, "KOU-CAL-1" | counter u32 LE | length u16 LE | record)
 //! ```
 //!
-//! The counter is in it, so that an old update with a new counter does not pass. The machine is in the record.
+//! The tag covers the counter, so an old update cannot be replayed under a new counter. The record names the machine.
 
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 
-/// Bytes of a tag.
+/// Length of a tag in bytes.
 pub const TAG_LEN: usize = 32;
-/// What the tag is for: one of another purpose or version, by the same key, is another.
+/// Domain separation: a tag made for another purpose or version with the same key differs.
 const PURPOSE: &[u8] = b"KOU-CAL-1";
 
-/// A shared key. Neither printed nor logged.
+/// Shared key. Neither printed nor logged.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// Takes 32 bytes of good random numbers.
+    /// Key of 32 bytes from a cryptographic random number generator.
     #[must_use]
     pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
@@ -32,14 +32,14 @@ impl core::fmt::Debug for Key {
     }
 }
 
-/// Where the controller's key comes from: a board reads it from a place that production wrote and nobody reads out, such
-/// as one-time-programmable memory. It never stands in the firmware's source.
+/// Source of the controller's key: a board reads it from a place that production wrote and nobody can read out, such
+/// as one-time-programmable memory. Never part of the firmware's source.
 pub trait KeySource {
-    /// The key; nothing where none was written: then no update is taken.
+    /// Key; `None` if none was written: then every update is rejected.
     fn update_key(&self) -> Option<Key>;
 }
 
-/// A board without a key: it takes no update.
+/// Board without a key: rejects every update.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoKey;
 
@@ -58,14 +58,15 @@ fn started(key: &Key, counter: u32, record: &[u8]) -> Option<Hmac<Sha256>> {
     Some(mac)
 }
 
-/// Tag of an update; nothing for a record that is longer than any may be.
+/// Tag of an update; `None` for a record longer than the format allows.
+#[doc(alias = "HMAC")]
 #[must_use]
 pub fn tag(key: &Key, counter: u32, record: &[u8]) -> Option<[u8; TAG_LEN]> {
     let bytes = started(key, counter, record)?.finalize().into_bytes();
     <[u8; TAG_LEN]>::try_from(bytes.as_slice()).ok()
 }
 
-/// Whether a tag is that of this update.
+/// Whether a tag belongs to this update.
 #[must_use]
 pub fn is_authentic(key: &Key, counter: u32, record: &[u8], tag: &[u8]) -> bool {
     started(key, counter, record).is_some_and(|mac| mac.verify_slice(tag).is_ok())

@@ -1,4 +1,4 @@
-//! The page that production writes with the probe: the controller's key, and a calibration to begin with.
+//! Production page: the controller's key and first calibration, written with a debug probe.
 //!
 //! ```text
 //! offset 0    key          32 bytes; all ones (erased flash) or all zeros: none
@@ -6,22 +6,22 @@
 //!        ...  unused       ones
 //! ```
 //!
-//! The firmware never writes it. A key in plain flash is as safe as the chip's read-out protection; a board that has
-//! one-time-programmable memory to spare can keep it there instead.
+//! The firmware never writes it. A key in plain flash is as secure as the chip's read-out protection; a board with
+//! one-time-programmable memory can store it there instead.
 
 use kou_estimator::record;
 
 use super::mac::Key;
 
-/// Bytes of the page.
+/// Length of the page in bytes.
 pub const LEN: usize = 2048;
-/// Bytes of the key.
+/// Length of the key in bytes.
 pub const KEY_LEN: usize = 32;
-/// Head of a record: magic, schema, length of the payload; and its CRC.
+/// Record header (magic number, schema, payload length), and the CRC behind the payload.
 const HEAD: usize = 8;
 const TAIL: usize = 4;
 
-/// The key in the page.
+/// Key in the page.
 #[must_use]
 pub fn key(page: &[u8; LEN]) -> Option<Key> {
     let (bytes, _) = page.split_first_chunk::<KEY_LEN>()?;
@@ -29,7 +29,7 @@ pub fn key(page: &[u8; LEN]) -> Option<Key> {
     (is_written(0xFF) && is_written(0)).then(|| Key::new(*bytes))
 }
 
-/// The record of the calibration in the page, by its head; whether it is good is for its reader to say.
+/// Calibration record in the page, located by its header; its content is not checked here.
 #[must_use]
 pub fn calibration(page: &[u8; LEN]) -> Option<&[u8]> {
     let record = page.get(KEY_LEN..)?;

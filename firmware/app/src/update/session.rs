@@ -1,13 +1,13 @@
-//! The controller's side of update and reading: one transfer at a time, every step guarded.
+//! Controller side of update and read-out: a state machine for one transfer at a time, every step checked.
 //!
 //! ```text
-//! idle --begin--> receiving --data..., commit, all checks--> writing --stored--> idle (swapped)
-//!  |                 |  refusal, abort, 1 s of silence --> idle (nothing changed)
-//!  '--read--> filling --filled--> reading --1 s of silence, begin, abort--> idle
+//! idle --begin--> receiving --data..., commit, all checks--> writing --stored--> idle (activated)
+//!  |                 |  rejection, abort, timeout of 1 s --> idle (nothing changed)
+//!  '--read--> filling --filled--> reading --timeout of 1 s, begin, abort--> idle
 //! ```
 //!
-//! The session does neither flash nor swap: it says what is [to do](Todo), and is told how it went. It needs one buffer
-//! for one transfer, its own.
+//! The session neither writes flash nor activates a calibration: it returns an [action](SessionAction) and is
+//! informed of its result. It needs one buffer of its own for one transfer.
 
 use kou_estimator::Sample;
 use kou_estimator::record;
@@ -15,62 +15,62 @@ use kou_estimator::units::{Megapascal, Micros};
 
 use super::mac::{self, KeySource, TAG_LEN};
 use super::sizes::BUFFER_LEN;
-use super::wire::{Answer, Command, segment, transfer_len};
+use super::wire::{UpdateAnswer, UpdateCommand, segment, transfer_len};
 use crate::calibration::MachineIdentity;
-use crate::calibration::active::{checked, crc_of};
+use crate::calibration::active::{check_record as check_calibration, crc_of};
 use crate::diagnostics::RejectReason;
 use crate::log::info;
 
-/// Longest silence of a tool in the middle of a transfer.
+/// Timeout between two commands of a transfer.
 pub const TIME_OUT: Micros = Micros(1_000_000);
-/// Shortest record: less cannot hold head and CRC.
+/// Shortest record: header and CRC.
 const MIN_LEN: usize = 12;
-/// Fastest pump that counts as standing still, where the pressure is not known, r/min.
+/// Highest pump speed that counts as standstill when the pressure is unknown, r/min.
 const STANDSTILL_RPM: f32 = 1.0;
 
-/// Whether the drive is loaded: the lines' pressure difference is at least `least_difference`, the calibration's
-/// `limits.min_pressure_difference_mpa`. What is not known counts as loaded, but where the pressure is not known a pump at
-/// standstill counts as not loaded: a calibration with wrong sensor ranges could never be replaced otherwise.
+/// Whether the drive is loaded: the pressure difference of the lines is at least `min_difference`, the
+/// calibration's `limits.min_pressure_difference_mpa`. Unknown pressure counts as loaded, except at pump standstill:
+/// otherwise a calibration with wrong sensor ranges could never be replaced.
 #[must_use]
-pub fn is_loaded(sample: &Sample, least_difference: Megapascal) -> bool {
+pub fn is_loaded(sample: &Sample, min_difference: Megapascal) -> bool {
     match sample.high_pressure.value {
         Ok(high) => {
             let low = sample.low_pressure.value.map_or(0.0, |low| low.get());
             let difference = high.get() - low;
-            // NaN is not below anything, so it counts as loaded.
-            let is_unloaded = difference < least_difference.get();
+            // NaN compares false, so it counts as loaded.
+            let is_unloaded = difference < min_difference.get();
             !is_unloaded
         }
         Err(_) => !sample.pump_speed.value.is_ok_and(|n| n.get().abs() < STANDSTILL_RPM),
     }
 }
 
-/// What an update must get past.
+/// Conditions that an update must meet.
 #[derive(Clone, Copy)]
-pub struct Guard<'a> {
-    /// Whether the drive is loaded, by [`is_loaded`].
+pub struct UpdateGuard<'a> {
+    /// Result of [`is_loaded`].
     pub loaded: bool,
-    /// The key.
+    /// Source of the key.
     pub keys: &'a dyn KeySource,
     /// Counter of the last accepted update.
     pub counter: u32,
-    /// The machine of the calibration in use; nothing where none is in use: then the first one is taken.
+    /// Machine of the calibration in use; `None` without one: then the first calibration is accepted.
     pub machine: Option<&'a MachineIdentity>,
 }
 
-/// What can be read.
+/// Data that can be read out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum What {
+pub enum ReadTarget {
     /// Record of the calibration in use.
     Calibration,
     /// Learned state as last written: [`crate::storage::HealthRecord`] in postcard's wire format.
     Health,
-    /// Why the firmware last stopped itself: [`crate::storage::CrashReport`] in postcard's wire format.
+    /// Last crash: [`crate::storage::CrashReport`] in postcard's wire format.
     Stop,
 }
 
-impl What {
+impl ReadTarget {
     const fn number(self) -> u8 {
         match self {
             Self::Calibration => 1,
@@ -89,158 +89,177 @@ impl What {
     }
 }
 
-/// What the caller is to do.
+/// Action requested from the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Todo {
-    /// Write [`Session::record`] with this counter to flash, then call [`Session::stored`]; then take it into use.
+pub enum SessionAction {
+    /// Write [`UpdateSession::record`] with this counter to flash, then call [`UpdateSession::stored`]; then activate
+    /// it.
     Store {
         /// Counter of the update.
         counter: u32,
     },
-    /// Call [`Session::fill`] with what is to be read.
-    Fill(What),
+    /// Call [`UpdateSession::fill`] with the data to be read out.
+    Fill(ReadTarget),
 }
 
-/// What a step led to.
+/// Outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Outcome {
-    /// To be sent back to this address.
-    pub answer: Option<(u8, Answer)>,
-    /// To be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
-    pub refused: Option<RejectReason>,
-    /// To be done.
-    pub todo: Option<Todo>,
+pub struct SessionOutcome {
+    /// Answer and its destination address.
+    pub answer: Option<(u8, UpdateAnswer)>,
+    /// Rejection, to be recorded as [`crate::diagnostics::FaultCode::UpdateRefused`].
+    pub rejected: Option<RejectReason>,
+    /// Action to be performed.
+    pub todo: Option<SessionAction>,
 }
 
-impl Outcome {
-    fn answer(to: u8, answer: Answer) -> Self {
+impl SessionOutcome {
+    fn answer(to: u8, answer: UpdateAnswer) -> Self {
         Self { answer: Some((to, answer)), ..Self::default() }
     }
 
-    fn refusal(to: u8, command: u8, why: RejectReason, detail: u32) -> Self {
-        Self { refused: Some(why), ..Self::answer(to, UpdateAnswer::Rejected { command, why, detail }) }
+    fn rejection(to: u8, command: u8, reason: RejectReason, detail: u32) -> Self {
+        Self {
+            rejected: Some(reason),
+            ..Self::answer(to, UpdateAnswer::Rejected { command, reason, detail })
+        }
     }
 
-    fn todo(todo: Todo) -> Self {
+    fn todo(todo: SessionAction) -> Self {
         Self { todo: Some(todo), ..Self::default() }
     }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
+enum SessionState {
     Idle,
     Receiving { length: usize, counter: u32, filled: usize },
     Writing { length: usize },
-    Filling { what: What },
+    Filling { what: ReadTarget },
     Reading { length: usize },
 }
 
-/// The one transfer that can be under way.
+/// Update session: the one transfer that can be in progress.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Session {
-    stage: Stage,
+pub struct UpdateSession {
+    stage: SessionState,
     tool: u8,
     last: Micros,
     buffer: [u8; BUFFER_LEN],
 }
 
-impl Default for Session {
+impl Default for UpdateSession {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Session {
-    /// Nothing under way.
+impl UpdateSession {
+    /// Idle session.
     #[must_use]
     pub const fn new() -> Self {
-        Self { stage: Stage::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
+        Self { stage: SessionState::Idle, tool: 0, last: Micros(0), buffer: [0; BUFFER_LEN] }
     }
 
-    /// Whether nothing is under way. Then the buffer serves as scratch memory, see [`scratch`](Self::scratch).
+    /// Whether no transfer is in progress. The buffer is then available as scratch memory, see
+    /// [`scratch`](Self::scratch).
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.stage == Stage::Idle
+        self.stage == SessionState::Idle
     }
 
-    /// The buffer, for other use while nothing is under way, as at start-up.
+    /// Buffer for other use while idle, as at start-up.
     pub fn scratch(&mut self) -> Option<&mut [u8]> {
         self.is_idle().then_some(&mut self.buffer[..])
     }
 
-    /// The checked record, while it is to be written and taken into use; empty at any other time.
+    /// Verified record while it is to be written and activated; empty at any other time.
     #[must_use]
     pub fn record(&self) -> &[u8] {
         match self.stage {
-            Stage::Writing { length } => self.buffer.get(..length).unwrap_or_default(),
+            SessionState::Writing { length } => self.buffer.get(..length).unwrap_or_default(),
             _ => &[],
         }
     }
 
-    /// Takes what a tool sent. `command` are the eight bytes of its frame.
-    pub fn receive(&mut self, now: Micros, tool: u8, command: [u8; 8], guard: &Guard<'_>) -> Outcome {
+    /// Handles the eight bytes of a tool's command.
+    pub fn receive(
+        &mut self,
+        now: Micros,
+        tool: u8,
+        command: [u8; 8],
+        guard: &UpdateGuard<'_>,
+    ) -> SessionOutcome {
         let [number, ..] = command;
-        let refuse = |why| Outcome::refusal(tool, number, why, 0);
-        if matches!(self.stage, Stage::Writing { .. } | Stage::Filling { .. })
+        let reject = |reason| SessionOutcome::rejection(tool, number, reason, 0);
+        if matches!(self.stage, SessionState::Writing { .. } | SessionState::Filling { .. })
             || !self.is_idle() && tool != self.tool
         {
-            return refuse(RejectReason::Busy);
+            return reject(RejectReason::Busy);
         }
-        let Some(command) = Command::from_bytes(command) else { return refuse(RejectReason::Unknown) };
+        let Some(command) = UpdateCommand::from_bytes(command) else { return reject(RejectReason::Unknown) };
         self.last = now;
         match self.step(tool, command, guard) {
             Ok(outcome) => outcome,
             Err(why) => {
-                // Whatever was under way is over: a refused transfer is begun anew.
-                self.stage = Stage::Idle;
+                // The transfer in progress ends: a rejected transfer must be restarted.
+                self.stage = SessionState::Idle;
                 let detail = if why == RejectReason::OldCounter { guard.counter } else { 0 };
-                Outcome::refusal(tool, number, why, detail)
+                SessionOutcome::rejection(tool, number, why, detail)
             }
         }
     }
 
-    fn step(&mut self, tool: u8, command: Command, guard: &Guard<'_>) -> Result<Outcome, RejectReason> {
+    fn step(
+        &mut self,
+        tool: u8,
+        command: UpdateCommand,
+        guard: &UpdateGuard<'_>,
+    ) -> Result<SessionOutcome, RejectReason> {
         match (command, self.stage) {
-            (Command::Begin { length, counter }, _) => {
+            (UpdateCommand::Begin { length, counter }, _) => {
                 self.stage = begin(usize::from(length), counter, guard)?;
                 self.tool = tool;
-                Ok(Outcome::answer(tool, UpdateAnswer::Begun))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Begun))
             }
-            (Command::Data { number, bytes }, Stage::Receiving { length, counter, filled }) => {
-                let filled = self.take(usize::from(number), &bytes, length, filled)?;
-                self.stage = Stage::Receiving { length, counter, filled };
-                Ok(Outcome::answer(tool, UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) }))
+            (UpdateCommand::Data { number, bytes }, SessionState::Receiving { length, counter, filled }) => {
+                let filled = self.accept_segment(usize::from(number), &bytes, length, filled)?;
+                self.stage = SessionState::Receiving { length, counter, filled };
+                Ok(SessionOutcome::answer(
+                    tool,
+                    UpdateAnswer::SegmentAccepted { next: number.wrapping_add(1) },
+                ))
             }
-            (Command::Commit, Stage::Receiving { length, counter, filled }) => {
+            (UpdateCommand::Commit, SessionState::Receiving { length, counter, filled }) => {
                 self.check(length, counter, filled, guard)?;
-                self.stage = Stage::Writing { length };
-                Ok(Outcome::todo(Todo::Store { counter }))
+                self.stage = SessionState::Writing { length };
+                Ok(SessionOutcome::todo(SessionAction::Store { counter }))
             }
-            (Command::Abort, _) => {
-                self.stage = Stage::Idle;
-                Ok(Outcome::answer(tool, UpdateAnswer::Aborted))
+            (UpdateCommand::Abort, _) => {
+                self.stage = SessionState::Idle;
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Aborted))
             }
-            (Command::Read { what }, Stage::Idle | Stage::Reading { .. }) => {
-                let what = What::from_number(what).ok_or(RejectReason::Unknown)?;
-                self.stage = Stage::Filling { what };
+            (UpdateCommand::Read { what }, SessionState::Idle | SessionState::Reading { .. }) => {
+                let what = ReadTarget::from_number(what).ok_or(RejectReason::Unknown)?;
+                self.stage = SessionState::Filling { what };
                 self.tool = tool;
-                Ok(Outcome::todo(Todo::Fill(what)))
+                Ok(SessionOutcome::todo(SessionAction::Fill(what)))
             }
-            (Command::Next { number }, Stage::Reading { length }) => {
+            (UpdateCommand::Next { number }, SessionState::Reading { length }) => {
                 let bytes = self.buffer.get(..length).unwrap_or_default();
                 let bytes = segment(bytes, number).ok_or(RejectReason::OutOfOrder)?;
-                Ok(Outcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
+                Ok(SessionOutcome::answer(tool, UpdateAnswer::Segment { number, bytes }))
             }
-            (Command::Read { .. }, _) => Err(RejectReason::Busy),
-            (Command::Data { .. } | Command::Commit | Command::Next { .. }, _) => {
+            (UpdateCommand::Read { .. }, _) => Err(RejectReason::Busy),
+            (UpdateCommand::Data { .. } | UpdateCommand::Commit | UpdateCommand::Next { .. }, _) => {
                 Err(RejectReason::NoTransfer)
             }
         }
     }
 
-    /// Takes one segment; it must be the one that is due.
-    fn take(
+    /// Accepts a segment, which must be the next one in order.
+    fn accept_segment(
         &mut self,
         number: usize,
         bytes: &[u8],
@@ -258,13 +277,13 @@ impl Session {
         Ok(filled.saturating_add(bytes.len()).min(total))
     }
 
-    /// Everything that must hold before the record is written.
+    /// Verifies every condition before the record is written.
     fn check(
         &self,
         length: usize,
         counter: u32,
         filled: usize,
-        guard: &Guard<'_>,
+        guard: &UpdateGuard<'_>,
     ) -> Result<(), RejectReason> {
         if filled < transfer_len(length) {
             return Err(RejectReason::Incomplete);
@@ -272,7 +291,7 @@ impl Session {
         if guard.loaded {
             return Err(RejectReason::Loaded);
         }
-        // It may have been raised by another way since the transfer began.
+        // The counter may have been raised in another way since the transfer began.
         if counter <= guard.counter {
             return Err(RejectReason::OldCounter);
         }
@@ -286,53 +305,56 @@ impl Session {
         check_record(record, guard.machine)
     }
 
-    /// Told how writing went; gives the answer to the tool. The record is gone with it: take it into use before.
-    pub fn stored(&mut self, is_written: bool) -> Outcome {
+    /// Completes a write and returns the answer to the tool. The record is lost with it: activate it before.
+    pub fn stored(&mut self, is_written: bool) -> SessionOutcome {
         let crc = crc_of(self.record());
-        if !matches!(core::mem::replace(&mut self.stage, Stage::Idle), Stage::Writing { .. }) {
-            return Outcome::default();
+        if !matches!(core::mem::replace(&mut self.stage, SessionState::Idle), SessionState::Writing { .. }) {
+            return SessionOutcome::default();
         }
         if is_written {
             info!("calibration {=u32:08x} accepted over CAN", crc);
-            Outcome::answer(self.tool, UpdateAnswer::Committed { crc })
+            SessionOutcome::answer(self.tool, UpdateAnswer::Committed { crc })
         } else {
-            Outcome::refusal(self.tool, 3, RejectReason::Storage, 0)
+            SessionOutcome::rejection(self.tool, 3, RejectReason::Storage, 0)
         }
     }
 
-    /// Told what is to be read: `write` fills a buffer and says how long it is, or that there is nothing.
-    pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> Outcome {
-        let Stage::Filling { what } = self.stage else { return Outcome::default() };
+    /// Supplies the data to be read out: `write` fills a buffer and returns the length, or `None` without data.
+    pub fn fill(&mut self, now: Micros, write: impl FnOnce(&mut [u8]) -> Option<usize>) -> SessionOutcome {
+        let SessionState::Filling { what } = self.stage else { return SessionOutcome::default() };
         let length = write(&mut self.buffer).filter(|length| *length <= self.buffer.len());
         let Some((length, on_wire)) = length.and_then(|l| Some((l, u16::try_from(l).ok()?))) else {
-            self.stage = Stage::Idle;
-            return Outcome::refusal(self.tool, 0x11, RejectReason::NothingStored, 0);
+            self.stage = SessionState::Idle;
+            return SessionOutcome::rejection(self.tool, 0x11, RejectReason::NothingStored, 0);
         };
-        self.stage = Stage::Reading { length };
+        self.stage = SessionState::Reading { length };
         self.last = now;
         let crc = record::crc32(self.buffer.get(..length).unwrap_or_default());
-        Outcome::answer(self.tool, UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc })
+        SessionOutcome::answer(
+            self.tool,
+            UpdateAnswer::ReadReady { what: what.number(), length: on_wire, crc },
+        )
     }
 
-    /// Ends a transfer whose tool has fallen silent. To be called every 100 ms or so.
-    pub fn poll(&mut self, now: Micros) -> Outcome {
+    /// Ends a transfer after a timeout. To be called about every 100 ms.
+    pub fn poll(&mut self, now: Micros) -> SessionOutcome {
         let is_late = now.0.saturating_sub(self.last.0) > TIME_OUT.0;
         match self.stage {
-            Stage::Receiving { .. } if is_late => {
-                self.stage = Stage::Idle;
-                Outcome::refusal(self.tool, 2, RejectReason::TimeOut, 0)
+            SessionState::Receiving { .. } if is_late => {
+                self.stage = SessionState::Idle;
+                SessionOutcome::rejection(self.tool, 2, RejectReason::TimeOut, 0)
             }
-            // A tool that stops reading has read enough.
-            Stage::Reading { .. } if is_late => {
-                self.stage = Stage::Idle;
-                Outcome::default()
+            // A tool that stops reading has finished.
+            SessionState::Reading { .. } if is_late => {
+                self.stage = SessionState::Idle;
+                SessionOutcome::default()
             }
-            _ => Outcome::default(),
+            _ => SessionOutcome::default(),
         }
     }
 }
 
-fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, RejectReason> {
+fn begin(length: usize, counter: u32, guard: &UpdateGuard<'_>) -> Result<SessionState, RejectReason> {
     if guard.keys.update_key().is_none() {
         return Err(RejectReason::NoKey);
     }
@@ -345,13 +367,13 @@ fn begin(length: usize, counter: u32, guard: &Guard<'_>) -> Result<Stage, Reject
     if !(MIN_LEN..=record::calibration::MAX_LEN).contains(&length) {
         return Err(RejectReason::Length);
     }
-    Ok(Stage::Receiving { length, counter, filled: 0 })
+    Ok(SessionState::Receiving { length, counter, filled: 0 })
 }
 
-/// The whole record: readable, past every check that the estimator makes, and for this machine.
+/// Checks the whole record: readable, valid by the estimator's checks, and for this machine.
 fn check_record(bytes: &[u8], machine: Option<&MachineIdentity>) -> Result<(), RejectReason> {
-    let candidate = checked(bytes)?;
-    if machine.is_some_and(|machine| !machine.takes(&candidate)) {
+    let candidate = check_calibration(bytes)?;
+    if machine.is_some_and(|machine| !machine.accepts(&candidate)) {
         return Err(RejectReason::WrongMachine);
     }
     Ok(())

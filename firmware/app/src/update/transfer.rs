@@ -1,34 +1,34 @@
-//! The tool's side of an update: the commands, one after the other. Each is sent when the one before was answered well.
+//! Tool side of an update: its commands in order, each to be sent after a positive answer to the previous one.
 
 use kou_estimator::record::calibration::MAX_LEN;
 
 use super::mac::{self, Key, TAG_LEN};
 use super::sizes::MAX_TRANSFER;
-use super::wire::{Command, SEGMENT, segment};
+use super::wire::{SEGMENT, UpdateCommand, segment};
 use crate::diagnostics::RejectReason;
 
 /// One update, ready to be sent.
 #[derive(Debug, Clone)]
-pub struct Transfer {
+pub struct UpdateTransfer {
     bytes: heapless::Vec<u8, MAX_TRANSFER>,
     length: u16,
     counter: u32,
 }
 
-impl Transfer {
-    /// Puts record and tag together.
+impl UpdateTransfer {
+    /// Combines record and tag.
     ///
     /// # Errors
-    /// [`RejectReason::Length`] for bytes that are no record by their length.
+    /// [`RejectReason::Length`] for a length that no record has.
     pub fn new(record: &[u8], counter: u32, key: &Key) -> Result<Self, RejectReason> {
         let tag = mac::tag(key, counter, record).ok_or(RejectReason::Length)?;
         Self::with_tag(record, counter, &tag)
     }
 
-    /// As [`new`](Self::new), with a tag made elsewhere: where the key is kept by a server.
+    /// As [`new`](Self::new), with a tag made elsewhere, for instance by a key server.
     ///
     /// # Errors
-    /// As of [`new`](Self::new).
+    /// Those of [`new`](Self::new).
     pub fn with_tag(record: &[u8], counter: u32, tag: &[u8; TAG_LEN]) -> Result<Self, RejectReason> {
         if record.is_empty() || record.len() > MAX_LEN {
             return Err(RejectReason::Length);
@@ -40,22 +40,22 @@ impl Transfer {
         Ok(Self { bytes, length, counter })
     }
 
-    /// The command of this number: begin, every segment, commit; then there is none.
+    /// Command of a number: begin, every segment, commit; then `None`.
     #[must_use]
-    pub fn command(&self, number: usize) -> Option<Command> {
+    pub fn command(&self, number: usize) -> Option<UpdateCommand> {
         let segments = self.bytes.len().div_ceil(SEGMENT);
         match number.checked_sub(1) {
-            None => Some(Command::Begin { length: self.length, counter: self.counter }),
+            None => Some(UpdateCommand::Begin { length: self.length, counter: self.counter }),
             Some(number) if number < segments => {
                 let number = u8::try_from(number).ok()?;
-                Some(Command::Data { number, bytes: segment(&self.bytes, number)? })
+                Some(UpdateCommand::Data { number, bytes: segment(&self.bytes, number)? })
             }
-            Some(number) => (number == segments).then_some(Command::Commit),
+            Some(number) => (number == segments).then_some(UpdateCommand::Commit),
         }
     }
 
     /// All commands in order.
-    pub fn commands(&self) -> impl Iterator<Item = Command> {
+    pub fn commands(&self) -> impl Iterator<Item = UpdateCommand> {
         (0..).map_while(|number| self.command(number))
     }
 }

@@ -1,4 +1,4 @@
-//! Commands and answers of the update, eight bytes each, in frames of proprietary A (PGN 61184).
+//! Encoding of the update's commands and answers, eight bytes each; on CAN in frames of proprietary A (PGN 61184).
 //!
 //! ```text
 //! command   byte 0  1        2..7
@@ -6,17 +6,17 @@
 //! data         02   number   six bytes of record and tag, the last segment filled up with FF
 //! commit       03   FF
 //! abort        04   FF
-//! read         11   what     FF                             1: calibration in use, 2: learned state, 3: last stop
+//! read         11   target   FF                             1: calibration in use, 2: learned state, 3: last crash
 //! next         12   number   FF
 //!
 //! answer    byte 0  1        2..7
 //! begun        81   version  FF
-//! taken        82   number   of the segment that is due next, FF
+//! accepted     82   number   of the next segment in order, FF
 //! committed    83   FF       FF FF, CRC-32 of the record u32 LE
 //! aborted      84   FF
-//! to be read   91   what     length u16 LE, CRC-32 of all bytes u32 LE
+//! read ready   91   target   length u16 LE, CRC-32 of all bytes u32 LE
 //! segment      92   number   six bytes, the last segment filled up with FF
-//! refused      7F   command  number of the refusal, FF, detail u32 LE (old counter: the last one)
+//! rejected     7F   command  number of the reason, FF, detail u32 LE (old counter: the last one)
 //! ```
 
 use super::mac::TAG_LEN;
@@ -24,7 +24,7 @@ use crate::diagnostics::RejectReason;
 
 /// Version of this protocol.
 pub const VERSION: u8 = 1;
-/// Bytes of a transfer in one segment.
+/// Payload bytes of a segment.
 pub const SEGMENT: usize = 6;
 
 const BEGIN: u8 = 0x01;
@@ -34,44 +34,44 @@ const ABORT: u8 = 0x04;
 const READ: u8 = 0x11;
 const NEXT: u8 = 0x12;
 const ANSWER: u8 = 0x80;
-const REFUSED: u8 = 0x7F;
+const REJECTED: u8 = 0x7F;
 
-/// What a tool asks.
+/// Command of a tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Command {
+pub enum UpdateCommand {
     /// Begins an update.
     Begin {
-        /// Bytes of the record, without the tag.
+        /// Length of the record without the tag.
         length: u16,
         /// Counter of the update.
         counter: u32,
     },
-    /// The next six bytes.
+    /// Next six bytes.
     Data {
         /// Number of the segment, from 0.
         number: u8,
         /// The bytes.
         bytes: [u8; SEGMENT],
     },
-    /// All was sent: check it, write it, use it.
+    /// End of the data: verify, write, activate.
     Commit,
-    /// Forget the transfer.
+    /// Discards the transfer.
     Abort,
-    /// Begins a reading: 1 the calibration in use, 2 the learned state, 3 why the firmware last stopped itself.
+    /// Begins a read-out: 1 calibration in use, 2 learned state, 3 last crash.
     Read {
-        /// What.
+        /// Number of the data to read.
         what: u8,
     },
-    /// Asks for six bytes of what is read.
+    /// Requests six bytes of a read-out.
     Next {
         /// Number of the segment, from 0.
         number: u8,
     },
 }
 
-impl Command {
-    /// The command in these bytes; nothing when this version knows none.
+impl UpdateCommand {
+    /// Decodes a command; `None` when this version does not know it.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
         let [command, one, b2, b3, b4, b5, b6, b7] = bytes;
@@ -89,7 +89,7 @@ impl Command {
         })
     }
 
-    /// The bytes of the command.
+    /// Encodes the command.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         match self {
@@ -107,15 +107,15 @@ impl Command {
     }
 }
 
-/// What the controller answers.
+/// Answer of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Answer {
+pub enum UpdateAnswer {
     /// The update may be sent.
     Begun,
-    /// The segment was taken.
-    Taken {
-        /// Number of the segment that is due next.
+    /// The segment was accepted.
+    SegmentAccepted {
+        /// Number of the next segment in order.
         next: u8,
     },
     /// The calibration is in flash and in use.
@@ -123,69 +123,71 @@ pub enum Answer {
         /// CRC-32 of its record.
         crc: u32,
     },
-    /// The transfer is forgotten.
+    /// The transfer is discarded.
     Aborted,
-    /// What was asked for can be read.
-    ToBeRead {
-        /// What.
+    /// The requested data can be read.
+    ReadReady {
+        /// Number of the data to read.
         what: u8,
-        /// Its length in bytes.
+        /// Length in bytes.
         length: u16,
         /// CRC-32/ISO-HDLC of its bytes.
         crc: u32,
     },
-    /// Six bytes of what is read.
+    /// Six bytes of a read-out.
     Segment {
         /// Number of the segment.
         number: u8,
         /// The bytes.
         bytes: [u8; SEGMENT],
     },
-    /// The command was not obeyed.
-    Refused {
+    /// The command was rejected.
+    Rejected {
         /// First byte of the command.
         command: u8,
-        /// Why.
-        why: RejectReason,
-        /// More, of some refusals.
+        /// Reason.
+        reason: RejectReason,
+        /// Detail of some reasons.
         detail: u32,
     },
 }
 
-impl Answer {
-    /// The answer in these bytes; nothing when this version knows none.
+impl UpdateAnswer {
+    /// Decodes an answer; `None` when this version does not know it.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 8]) -> Option<Self> {
         let [answer, one, b2, b3, b4, b5, b6, b7] = bytes;
         let last = u32::from_le_bytes([b4, b5, b6, b7]);
         Some(match answer {
-            REFUSED => Self::Refused { command: one, why: RejectReason::from_number(b2)?, detail: last },
+            REJECTED => Self::Rejected { command: one, reason: RejectReason::from_number(b2)?, detail: last },
             _ => match answer.checked_sub(ANSWER)? {
                 BEGIN => Self::Begun,
-                DATA => Self::Taken { next: one },
+                DATA => Self::SegmentAccepted { next: one },
                 COMMIT => Self::Committed { crc: last },
                 ABORT => Self::Aborted,
-                READ => Self::ToBeRead { what: one, length: u16::from_le_bytes([b2, b3]), crc: last },
+                READ => Self::ReadReady { what: one, length: u16::from_le_bytes([b2, b3]), crc: last },
                 NEXT => Self::Segment { number: one, bytes: [b2, b3, b4, b5, b6, b7] },
                 _ => return None,
             },
         })
     }
 
-    /// The bytes of the answer.
+    /// Encodes the answer.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         match self {
             Self::Begun => filled(ANSWER | BEGIN, VERSION),
-            Self::Taken { next } => filled(ANSWER | DATA, next),
+            Self::SegmentAccepted { next } => filled(ANSWER | DATA, next),
             Self::Committed { crc } => with_word(ANSWER | COMMIT, 0xFF, [0xFF; 2], crc),
             Self::Aborted => filled(ANSWER | ABORT, 0xFF),
-            Self::ToBeRead { what, length, crc } => with_word(ANSWER | READ, what, length.to_le_bytes(), crc),
+            Self::ReadReady { what, length, crc } => {
+                with_word(ANSWER | READ, what, length.to_le_bytes(), crc)
+            }
             Self::Segment { number, bytes: [b0, b1, b2, b3, b4, b5] } => {
                 [ANSWER | NEXT, number, b0, b1, b2, b3, b4, b5]
             }
-            Self::Refused { command, why, detail } => {
-                with_word(REFUSED, command, [why.number(), 0xFF], detail)
+            Self::Rejected { command, reason, detail } => {
+                with_word(REJECTED, command, [reason.number(), 0xFF], detail)
             }
         }
     }
@@ -200,12 +202,12 @@ const fn with_word(first: u8, second: u8, [third, fourth]: [u8; 2], word: u32) -
     [first, second, third, fourth, w0, w1, w2, w3]
 }
 
-/// Bytes of a transfer of a record of this length.
+/// Transfer length of a record of this length.
 pub(super) const fn transfer_len(record_len: usize) -> usize {
     record_len.saturating_add(TAG_LEN)
 }
 
-/// Segment of these bytes, filled up with FF; nothing behind their end.
+/// Segment of these bytes, padded with FF; `None` beyond the end.
 pub(super) fn segment(bytes: &[u8], number: u8) -> Option<[u8; SEGMENT]> {
     let chunk = bytes.chunks(SEGMENT).nth(usize::from(number))?;
     let mut out = [0xFF; SEGMENT];

@@ -1,8 +1,8 @@
-//! Stack and program of this chip for [`kou_app::diagnostics::backtrace`].
+//! Stack and program memory of this chip for [`kou_app::diagnostics::backtrace`].
 
 use core::ops::Range;
 
-use kou_app::diagnostics::backtrace::Program;
+use kou_app::diagnostics::backtrace::CodeMemory;
 
 #[allow(unsafe_code, reason = "symbols of the linker, of which only the addresses are taken")]
 // SAFETY: cortex-m-rt's script defines them: beginning of the stack, which grows downwards; begin and end of the code.
@@ -12,17 +12,17 @@ unsafe extern "C" {
     static __etext: u32;
 }
 
-/// The code in flash.
-pub(crate) struct Flash;
+/// Code in flash.
+pub(crate) struct CodeFlash;
 
-impl Program for Flash {
+impl CodeMemory for CodeFlash {
     fn code(&self) -> Range<u32> {
         address(&raw const __stext)..address(&raw const __etext)
     }
 
     fn halfword(&self, at: u32) -> u16 {
         #[allow(unsafe_code, reason = "the program is read as memory")]
-        // SAFETY: asked for at even addresses within the code only, which is flash that nobody writes.
+        // SAFETY: called for even addresses within the code only, which is flash that nobody writes.
         unsafe {
             core::ptr::with_exposed_provenance::<u16>(at as usize).read_volatile()
         }
@@ -33,7 +33,7 @@ fn address(of: *const u32) -> u32 {
     of.expose_provenance() as u32
 }
 
-/// Words of the stack from here to its beginning.
+/// Words of the stack from the present frame to its beginning.
 pub(crate) fn stack() -> impl Iterator<Item = u32> {
     let here = 0_u32;
     let words = address(&raw const here)..address(&raw const _stack_start);

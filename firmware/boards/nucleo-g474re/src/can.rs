@@ -1,4 +1,4 @@
-//! CAN: FDCAN 1 at 250 kbit/s (J1939-11), with queues that its interrupts fill and empty.
+//! CAN driver: FDCAN 1 at 250 kbit/s (SAE J1939-11), with queues served by its interrupts.
 
 use embassy_stm32::Peri;
 use embassy_stm32::can::config::{GlobalFilter, NonMatchingFilter};
@@ -14,20 +14,20 @@ use static_cell::ConstStaticCell;
 
 /// Bit rate of J1939-11, and of most vehicles.
 const BIT_RATE: u32 = 250_000;
-/// Frames that may wait in either direction: what comes in one turn of the task that takes them, with a margin.
+/// Queue length in either direction: the frames of one cycle of the publishing task, with a margin.
 const QUEUE: usize = 16;
 
 static TO_BUS: ConstStaticCell<TxBuf<QUEUE>> = ConstStaticCell::new(TxBuf::new());
 static FROM_BUS: ConstStaticCell<RxBuf<QUEUE>> = ConstStaticCell::new(RxBuf::new());
 
-/// The controller's end of the bus.
-pub(crate) struct Port {
+/// CAN port of the controller.
+pub(crate) struct FdcanPort {
     sender: BufferedCanSender,
     receiver: BufferedCanReceiver,
 }
 
-impl Port {
-    /// Starts the peripheral, once: a second time there are no queues left.
+impl FdcanPort {
+    /// Starts the peripheral; `None` at a second call, because the queues exist once.
     pub(crate) fn new(
         can: Peri<'static, FDCAN1>,
         receive: Peri<'static, PA11>,
@@ -39,7 +39,7 @@ impl Port {
         let (to_bus, from_bus) = (TO_BUS.try_take()?, FROM_BUS.try_take()?);
         let mut configurator = CanConfigurator::new(can, receive, send, irqs);
         configurator.set_bitrate(BIT_RATE);
-        // Frames of 11 bits and remote frames are not J1939's, and are not worth an interrupt.
+        // 11-bit and remote frames are not used by J1939, and not worth an interrupt.
         let filter = GlobalFilter::reject_all().set_handle_extended_frames(NonMatchingFilter::IntoRxFifo0);
         configurator.set_config(configurator.config().set_global_filter(filter));
         let buffered = configurator.into_normal_mode().buffered(to_bus, from_bus);
@@ -47,9 +47,9 @@ impl Port {
     }
 }
 
-impl CanPort for Port {
+impl CanPort for FdcanPort {
     fn receive(&mut self) -> Option<Frame> {
-        // Errors of the bus come in the same queue; what they mean is seen in the frames that do not come.
+        // Bus errors come in the same queue; their effect shows in the frames that do not arrive.
         while let Ok(come) = self.receiver.try_receive() {
             if let Some(frame) = come.ok().and_then(|envelope| Frame::from_can(&envelope.frame)) {
                 return Some(frame);

@@ -1,18 +1,19 @@
-//! Flash: where records are kept, the page that production writes, and words that a power cut has spoilt.
+//! Flash: region of the records, production page, and handling of words damaged by a power failure.
 //!
 //! | from | bytes | what |
 //! |---|---|---|
 //! | 0x0800_0000 | 256 KiB, bank 1 | the firmware |
 //! | 0x0807_0000 | 32 KiB, bank 2 | records: 16 pages, written by the firmware |
-//! | 0x0807_F800 | 2 KiB, bank 2 | provisioning: written once, by the probe |
+//! | 0x0807_F800 | 2 KiB, bank 2 | production page: written once, by the probe |
 //!
-//! While bank 2 is erased (22 ms a page) or programmed (some 85 us for 8 bytes), the processor goes on in bank 1; the task that
-//! writes waits for an interrupt. Flashing new firmware leaves bank 2 alone. The driver's interrupt clears the flash's error
-//! flags before anybody has read them, so a write that failed is not seen here: the store reads every record back.
+//! While bank 2 is erased (22 ms a page) or programmed (about 85 us for 8 bytes), the processor continues in bank 1;
+//! the writing task waits for an interrupt. Flashing new firmware does not change bank 2. The driver's interrupt
+//! clears the flash's error flags before they can be read, so a failed write is not detected here: the store reads
+//! every record back.
 //!
-//! A power cut in the middle of programming can leave a word whose two-bit ECC error raises the non-maskable interrupt
-//! when it is read. In bank 2 that is expected: the flag is cleared, what is read has no CRC that matches, and the
-//! record's other copy is used. In bank 1 it is the firmware itself that is damaged: a stop, with a note.
+//! A power failure during programming can leave a word whose two-bit ECC error raises the non-maskable interrupt when
+//! it is read. In bank 2 that is expected: the flag is cleared, the CRC of the data does not match, and the record's
+//! other copy is used. In bank 1 the firmware itself is damaged: it stops with a crash record.
 
 use cortex_m_rt::exception;
 use embassy_stm32::Peri;
@@ -26,12 +27,12 @@ use kou_app::update::{Key, KeySource, provision};
 
 use crate::watchdog;
 
-/// First byte of the records, from the flash's beginning, and the one behind the last.
+/// Range of the records, as offsets in flash.
 const RECORDS: core::ops::Range<u32> = 0x7_0000..0x7_8000;
-/// Address of the page that production writes.
+/// Address of the production page.
 const PROVISION: usize = 0x0807_F800;
 
-/// What production wrote; all ones where it has not.
+/// Content of the production page; all ones when not written.
 fn provisioned() -> &'static [u8; provision::LEN] {
     #[allow(unsafe_code, reason = "flash outside the program, by its address")]
     // SAFETY: the page is flash of this chip beyond the program and the records, so nothing writes it while the firmware
@@ -41,12 +42,12 @@ fn provisioned() -> &'static [u8; provision::LEN] {
     }
 }
 
-/// The type's calibration that production wrote, if it did.
+/// Default calibration from the production page, if written.
 pub(crate) fn default_calibration() -> Option<&'static [u8]> {
     provision::calibration(provisioned())
 }
 
-/// The key that production wrote.
+/// Key from the production page.
 pub(crate) struct Provisioned;
 
 impl KeySource for Provisioned {
@@ -55,8 +56,8 @@ impl KeySource for Provisioned {
     }
 }
 
-/// The records' region; refused when it cannot be used, or the chip's flash is set up as one bank (option bit DBANK): the pages are then of
-/// another size, and an erasure would stop the processor.
+/// Record store in its region. Rejected when the region is unusable, or the chip's flash is configured as one bank
+/// (option bit DBANK): pages then have another size, and an erasure would stall the processor.
 pub(crate) fn store(
     flash: Peri<'static, FLASH>,
     irqs: impl Binding<typelevel::FLASH, InterruptHandler> + 'static,
@@ -72,7 +73,7 @@ pub(crate) fn store(
 unsafe fn NonMaskableInt() {
     let ecc = pac::FLASH.eccr().read();
     if ecc.eccd() && ecc.bk_ecc() {
-        // Written as one, it clears.
+        // Cleared by writing one.
         pac::FLASH.eccr().modify(|eccr| eccr.set_eccd(true));
     } else {
         watchdog::stop(if ecc.eccd() {

@@ -1,15 +1,15 @@
-//! The leakage estimator's firmware for ST's NUCLEO-G474RE: the application's tasks, each in an executor of its priority.
+//! Firmware for ST's NUCLEO-G474RE: the application's tasks, each in an executor of its priority.
 //!
 //! | module | duty |
 //! |---|---|
-//! | [`backtrace`] | who called, for the note that a panic leaves |
-//! | [`can`] | the CAN bus |
-//! | [`flash`] | where records are kept, what production wrote, words that a power cut has spoilt |
+//! | [`backtrace`] | stack and program memory for the backtrace of a panic |
+//! | [`can`] | CAN driver |
+//! | [`flash`] | record region, production page, damaged words |
 //! | [`clocks`] | 170 MHz from the board's crystal |
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
-//! | [`watchdog`] | watchdog, reset cause, the note across a reset, panics and hard faults |
+//! | [`watchdog`] | watchdog, reset cause, crash record, panics and hard faults |
 //!
-//! Pins and wiring: docs/nucleo.md. `unsafe` stands where hardware needs it, each use with its reason.
+//! The pins are in the README. Every use of `unsafe` states its reason.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -34,7 +34,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use kou_app::controller::{
-    AdcSampler, Bus, Controller, Estimator, NoEstimate, Publish, SensorsMemory, StorageTask as Records,
+    AdcSampler, CanInterface, Controller, Estimator, NoEstimate, Publish, SensorsMemory, StorageTask,
     WriteScheduleConfig, WriteScheduleParams, run_estimate, run_publish, run_sample, run_storage,
     run_supervise,
 };
@@ -43,14 +43,14 @@ use kou_app::sensors::SensorsParams;
 use kou_app::sensors::adc::Mcp3208;
 use kou_app::sensors::wiring;
 use kou_app::storage::Store;
-use kou_app::update::{Service, Session};
+use kou_app::update::{UpdateService, UpdateSession};
 use kou_estimator::record::crc32;
 use kou_estimator::units::{Celsius, Micros};
 use kou_estimator::{Estimate, Reading, Sample};
 use static_cell::StaticCell;
 
 use crate::pickups::Pickups;
-use crate::watchdog::StorageTask;
+use crate::watchdog::WatchdogDriver;
 
 defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
 
@@ -63,10 +63,10 @@ bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => embassy_stm32::can::IT1InterruptHandler<peripherals::FDCAN1>;
 });
 
-/// What the tasks, of three priorities, share.
-type Shared = Controller<CriticalSectionRawMutex>;
+/// State shared by the tasks, which run at several priorities.
+type SharedState = Controller<CriticalSectionRawMutex>;
 
-/// Executors above the thread's, on interrupts of peripherals that the board does not use.
+/// Executors above the thread's, in interrupts of unused peripherals.
 static HIGHEST: InterruptExecutor = InterruptExecutor::new();
 static HIGH: InterruptExecutor = InterruptExecutor::new();
 static LOW: InterruptExecutor = InterruptExecutor::new();
@@ -92,7 +92,7 @@ unsafe fn LPUART1() {
     unsafe { LOW.on_interrupt() }
 }
 
-type FrontEnd = AdcSampler<
+type NucleoFrontEnd = AdcSampler<
     Mcp3208<
         ExclusiveDevice<
             Spi<'static, Async, spi::mode::Master>,
@@ -103,7 +103,7 @@ type FrontEnd = AdcSampler<
     Pickups,
 >;
 
-/// What the front end takes of the chip.
+/// Peripherals of the front end.
 struct FrontEndPins {
     spi: Peri<'static, peripherals::SPI1>,
     spi_pins:
@@ -114,65 +114,65 @@ struct FrontEndPins {
     pickups: (Peri<'static, peripherals::PA0>, Peri<'static, peripherals::PA1>),
 }
 
-/// What the bus takes of the chip.
+/// Peripherals of the CAN bus.
 struct CanPins {
     can: Peri<'static, peripherals::FDCAN1>,
     receive: Peri<'static, peripherals::PA11>,
     transmit: Peri<'static, peripherals::PA12>,
 }
 
-type FlashRecords = Records<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
+type FlashStorageTask = StorageTask<'static, Flash<'static, flash::Mode>, flash::Provisioned>;
 
-// What the tasks work with lies outside of them: a task is put together on the stack and then moved to its place. Made at start:
-// as statics with values they would lie in flash as well, kilobytes of it.
-static CONTROLLER: StaticCell<Shared> = StaticCell::new();
+// Working data of the tasks, outside of them: a task is built on the stack and then moved. Initialised at start:
+// statics with initial values would occupy kilobytes of flash as well.
+static CONTROLLER: StaticCell<SharedState> = StaticCell::new();
 static STORE: StaticCell<Store<Flash<'static, flash::Mode>>> = StaticCell::new();
-static SESSION: StaticCell<Session> = StaticCell::new();
-static RECORDS: StaticCell<FlashRecords> = StaticCell::new();
+static SESSION: StaticCell<UpdateSession> = StaticCell::new();
+static RECORDS: StaticCell<FlashStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
 static SENSORS_MEMORY: StaticCell<SensorsMemory> = StaticCell::new();
-static FRONT_END: StaticCell<FrontEnd> = StaticCell::new();
+static FRONT_END: StaticCell<NucleoFrontEnd> = StaticCell::new();
 static ESTIMATOR: StaticCell<Estimator> = StaticCell::new();
-static TOLD: StaticCell<Told> = StaticCell::new();
+static PUBLISHER: StaticCell<Publisher> = StaticCell::new();
 
 #[embassy_executor::task]
 async fn sample(
-    shared: &'static Shared,
+    shared: &'static SharedState,
     start: Instant,
     params: &'static SensorsParams,
-    front_end: &'static mut FrontEnd,
+    front_end: &'static mut NucleoFrontEnd,
     memory: &'static mut SensorsMemory,
 ) {
     run_sample(shared, start, params, front_end, memory).await
 }
 
 #[embassy_executor::task]
-async fn estimate(shared: &'static Shared, start: Instant, estimator: &'static mut Estimator) {
+async fn estimate(shared: &'static SharedState, start: Instant, estimator: &'static mut Estimator) {
     run_estimate(shared, start, estimator).await
 }
 
 #[embassy_executor::task]
-async fn publish(shared: &'static Shared, start: Instant, to: &'static mut Told) {
+async fn publish(shared: &'static SharedState, start: Instant, to: &'static mut Publisher) {
     run_publish(shared, start, to).await
 }
 
 #[embassy_executor::task]
-async fn keep(shared: &'static Shared, start: Instant, records: &'static mut FlashRecords) {
-    run_storage(shared, start, records).await
+async fn storage(shared: &'static SharedState, start: Instant, task: &'static mut FlashStorageTask) {
+    run_storage(shared, start, task).await
 }
 
 #[embassy_executor::task]
-async fn supervise(shared: &'static Shared, start: Instant, mut keeper: StorageTask) {
-    run_supervise(shared, start, &mut keeper).await
+async fn supervise(shared: &'static SharedState, start: Instant, mut watchdog_driver: WatchdogDriver) {
+    run_supervise(shared, start, &mut watchdog_driver).await
 }
 
-/// Tells the bus, and the log when the estimates become valid and when they cease to be.
-struct Told {
-    bus: Bus<'static, can::Port, CriticalSectionRawMutex>,
+/// Publishes on the bus, and logs when the estimates become valid or invalid.
+struct Publisher {
+    bus: CanInterface<'static, can::FdcanPort, CriticalSectionRawMutex>,
     was_valid: Option<bool>,
 }
 
-impl Publish for Told {
+impl Publish for Publisher {
     async fn publish(
         &mut self,
         now: Micros,
@@ -193,31 +193,32 @@ impl Publish for Told {
     }
 }
 
-/// Preferred address on the bus, of those that J1939 leaves free to be claimed (128 to 247).
+/// Preferred address, from the range that J1939 leaves free to be claimed (128 to 247).
 const ADDRESS: u8 = 0x8C;
 
-/// Address of the controller whose oil temperature (SPN 177) checks the own thermometer, where one sends it: state it here.
+/// Address of the controller whose oil temperature (SPN 177) checks the own thermometer; `None` without one.
 const OIL_FROM: Option<u8> = None;
 
-/// Serial number in the controller's NAME: 21 bits of the chip's own, so that two controllers on a bus differ.
+/// Serial number in the controller's NAME: 21 bits of the chip's unique identifier, so that two controllers on a bus
+/// differ.
 fn identity() -> u32 {
     crc32(&embassy_stm32::uid::uid()) & 0x1F_FFFF
 }
 
-/// SPI clock of the converter: 1 MHz from a 3.3 V supply is what its data sheet allows.
+/// SPI clock of the converter: 1 MHz, as its data sheet allows at 3.3 V.
 const ADC_CLOCK: Hertz = Hertz(1_000_000);
 
-/// A value in its place for good. Not inlined, so that what it is made of leaves the stack at once; each place is taken once.
+/// Initialises a static once. Not inlined, so that temporaries leave the stack at once.
 #[inline(never)]
-fn kept<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
+fn init_static<T>(place: &'static StaticCell<T>, make: impl FnOnce() -> T) -> &'static mut T {
     match place.try_init_with(make) {
         Some(value) => value,
         None => watchdog::stop("made twice"),
     }
 }
 
-fn shared() -> &'static Shared {
-    kept(&CONTROLLER, Controller::new)
+fn shared() -> &'static SharedState {
+    init_static(&CONTROLLER, Controller::new)
 }
 
 #[inline(never)]
@@ -226,12 +227,12 @@ fn sensors() -> &'static SensorsParams {
         Ok(params) => params,
         Err(_) => watchdog::stop("wiring"),
     };
-    kept(&SENSORS, params)
+    init_static(&SENSORS, params)
 }
 
 /// Converter and timer.
 #[inline(never)]
-fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
+fn front_end(pins: FrontEndPins) -> &'static mut NucleoFrontEnd {
     let mut config = spi::Config::default();
     config.frequency = ADC_CLOCK;
     let (sck, mosi, miso) = pins.spi_pins;
@@ -242,28 +243,31 @@ fn front_end(pins: FrontEndPins) -> &'static mut FrontEnd {
     let Ok(device) = ExclusiveDevice::new_no_delay(spi, select);
     let (pump, motor) = pins.pickups;
     let timer = Pickups::new(pins.timer, pump, motor, Irqs);
-    kept(&FRONT_END, || AdcSampler::new(Mcp3208::new(device), timer))
+    init_static(&FRONT_END, || AdcSampler::new(Mcp3208::new(device), timer))
 }
 
 #[inline(never)]
-fn told(shared: &'static Shared, pins: CanPins) -> &'static mut Told {
+fn publisher(shared: &'static SharedState, pins: CanPins) -> &'static mut Publisher {
     let Ok(name) = Name::new(&NameConfig::transmission(identity())) else { watchdog::stop("name") };
-    let Some(port) = can::Port::new(pins.can, pins.receive, pins.transmit, Irqs) else {
+    let Some(port) = can::FdcanPort::new(pins.can, pins.receive, pins.transmit, Irqs) else {
         watchdog::stop("CAN")
     };
-    kept(&TOLD, || {
-        let bus = Bus::new(port, Node::new(name, ADDRESS), shared);
-        Told { bus: OIL_FROM.into_iter().fold(bus, Bus::with_external_oil_temperature), was_valid: None }
+    init_static(&PUBLISHER, || {
+        let bus = CanInterface::new(port, Node::new(name, ADDRESS), shared);
+        Publisher {
+            bus: OIL_FROM.into_iter().fold(bus, CanInterface::with_external_oil_temperature),
+            was_valid: None,
+        }
     })
 }
 
 #[inline(never)]
-fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashRecords {
+fn records(flash: Peri<'static, peripherals::FLASH>) -> &'static mut FlashStorageTask {
     let begin = watchdog::begin();
     let Ok(rates) = WriteScheduleParams::new(&WriteScheduleConfig::VEHICLE) else { watchdog::stop("rates") };
-    let (store, session) = (store(flash), kept(&SESSION, Session::new));
-    let service = Service::new(store, session, flash::Provisioned, flash::default_calibration());
-    kept(&RECORDS, || Records::new(service, rates, begin))
+    let (store, session) = (store(flash), init_static(&SESSION, UpdateSession::new));
+    let service = UpdateService::new(store, session, flash::Provisioned, flash::default_calibration());
+    init_static(&RECORDS, || StorageTask::new(service, rates, begin))
 }
 
 #[inline(never)]
@@ -272,14 +276,14 @@ fn store(flash: Peri<'static, peripherals::FLASH>) -> &'static mut Store<Flash<'
         Ok(store) => store,
         Err(_) => watchdog::stop("flash is not two banks"),
     };
-    kept(&STORE, store)
+    init_static(&STORE, store)
 }
 
 fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
-    let keeper = StorageTask::new(p.IWDG);
-    let shared: &'static Shared = shared();
+    let watchdog_driver = WatchdogDriver::new(p.IWDG);
+    let shared: &'static SharedState = shared();
     let records = records(p.FLASH);
-    let (params, memory) = (sensors(), kept(&SENSORS_MEMORY, SensorsMemory::new));
+    let (params, memory) = (sensors(), init_static(&SENSORS_MEMORY, SensorsMemory::new));
     let front_end = front_end(FrontEndPins {
         spi: p.SPI1,
         spi_pins: (p.PA5, p.PA7, p.PA6),
@@ -288,21 +292,21 @@ fn start(spawner: Spawner, p: Peripherals) -> Result<(), SpawnError> {
         timer: p.TIM2,
         pickups: (p.PA0, p.PA1),
     });
-    let told = told(shared, CanPins { can: p.FDCAN1, receive: p.PA11, transmit: p.PA12 });
-    let estimator = kept(&ESTIMATOR, Estimator::new);
+    let publisher = publisher(shared, CanPins { can: p.FDCAN1, receive: p.PA11, transmit: p.PA12 });
+    let estimator = init_static(&ESTIMATOR, Estimator::new);
 
     interrupt::UART4.set_priority(Priority::P6);
     interrupt::UART5.set_priority(Priority::P7);
     interrupt::LPUART1.set_priority(Priority::P8);
     let (highest, high) = (HIGHEST.start(interrupt::UART4), HIGH.start(interrupt::UART5));
-    // The thread is left to what is written to flash: searching it takes longer than a period of the bus.
+    // The thread is left to the storage task: searching the flash takes longer than a period of the bus.
     let low = LOW.start(interrupt::LPUART1);
     let start = Instant::now();
     highest.spawn(sample(shared, start, params, front_end, memory)?);
     high.spawn(estimate(shared, start, estimator)?);
-    low.spawn(publish(shared, start, told)?);
-    low.spawn(supervise(shared, start, keeper)?);
-    spawner.spawn(keep(shared, start, records)?);
+    low.spawn(publish(shared, start, publisher)?);
+    low.spawn(supervise(shared, start, watchdog_driver)?);
+    spawner.spawn(storage(shared, start, records)?);
     Ok(())
 }
 

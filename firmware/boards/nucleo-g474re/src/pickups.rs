@@ -1,8 +1,8 @@
 //! Pickups: timer 2 counts at 10 MHz in 32 bits and stamps every rising edge of its inputs 1 and 2.
 //!
-//! An interrupt takes each stamp out of the timer: at 3000 r/min and 60 teeth that is one in 333 us for each pickup. Where
-//! an edge comes before the one before it was taken, the timer says so and the pickup takes a new start. The inputs are
-//! filtered by the timer: an edge counts when the level has held for eight of its clocks.
+//! An interrupt reads each stamp: at 3000 r/min and 60 teeth one per 333 us and pickup. When an edge arrives before
+//! the previous stamp was read, the timer reports an overrun and the speed measurement restarts. The timer filters
+//! its inputs: an edge counts when the level has been stable for eight of its clocks.
 
 use core::cell::RefCell;
 
@@ -19,11 +19,11 @@ use embassy_stm32::timer::{Ch1, Ch2, Channel};
 use kou_app::controller::EdgeTimer;
 use kou_app::sensors::pickup::Edges;
 
-/// Rate of the counter; `kou_app::sensors::wiring` states the same.
+/// Rate of the counter, the same as in `kou_app::sensors::wiring`.
 const COUNTER: Hertz = Hertz(10_000_000);
 const CHANNELS: [Channel; 2] = [Channel::Ch1, Channel::Ch2];
 
-/// Edges since the last look: pump, motor.
+/// Edges since the last read: pump, motor.
 static EDGES: [Mutex<RefCell<Edges>>; 2] =
     [Mutex::new(RefCell::new(Edges::new())), Mutex::new(RefCell::new(Edges::new()))];
 
@@ -65,7 +65,8 @@ impl Pickups {
 impl EdgeTimer for Pickups {
     fn take(&mut self, pump: &mut Edges, motor: &mut Edges) -> u32 {
         critical_section::with(|cs| {
-            // An edge that comes now would be stamped later than the count and lost: look until none has come between.
+            // An edge that arrives now would be stamped later than the count and lost: repeat until none has arrived
+            // in between.
             let count = loop {
                 capture();
                 let count = pac::TIM2.cnt().read();
@@ -82,7 +83,7 @@ impl EdgeTimer for Pickups {
     }
 }
 
-/// Takes the stamps out of the timer.
+/// Reads the stamps of the timer.
 fn capture() {
     critical_section::with(|cs| {
         for (channel, edges) in EDGES.iter().enumerate() {

@@ -1,5 +1,4 @@
-//! What keeps the controller alive, and what tells afterwards why it was not: watchdog, reset cause, the note across a
-//! reset, panics and hard faults.
+//! Watchdog and crash handling: watchdog driver, reset cause, crash record across a reset, panics and hard faults.
 
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
@@ -10,39 +9,40 @@ use embassy_stm32::Peri;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use kou_app::controller::{Begin, Task, Watchdog};
+use kou_app::controller::{StartReason, Task, Watchdog};
 use kou_app::diagnostics::ResetCause;
-use kou_app::diagnostics::backtrace::{callers, tell};
-use kou_app::diagnostics::crash_log::{self, Kind, Text};
+use kou_app::diagnostics::backtrace::{return_addresses, write_backtrace};
+use kou_app::diagnostics::crash_log::{self, CrashKind, CrashText};
 
-use crate::backtrace::{self, Flash};
+use crate::backtrace::{self, CodeFlash};
 
-/// Time after which the watchdog resets the controller: ten periods of the task that feeds it.
+/// Period after which the watchdog resets the controller: ten periods of the task that feeds it.
 const WATCHDOG_US: u32 = 500_000;
 
 #[allow(unsafe_code, reason = "start-up must leave this memory alone, which its section says")]
-#[unsafe(link_section = ".uninit.note")]
-static mut NOTE: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
+#[unsafe(link_section = ".uninit.crash_record")]
+static mut CRASH_RECORD: MaybeUninit<[u8; crash_log::LEN]> = MaybeUninit::uninit();
 
-/// The note's memory, for as long as the closure runs, which nothing can interrupt.
-fn with_note<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
+/// Exclusive access to the crash record's memory for the duration of a closure, with interrupts off.
+fn with_crash_memory<R>(use_it: impl FnOnce(&mut [u8; crash_log::LEN]) -> R) -> R {
     critical_section::with(|_| {
-        #[allow(unsafe_code, reason = "the only reference to the note's memory")]
+        #[allow(unsafe_code, reason = "the only reference to the memory of the crash record")]
         // SAFETY: the single core runs this closure with interrupts off, and no other place names the static. Any bytes
         // are valid for an array of bytes; they come from before the reset, which the compiler cannot know, so the
         // address is hidden from it.
-        let memory = unsafe { &mut *core::hint::black_box((&raw mut NOTE).cast::<[u8; crash_log::LEN]>()) };
+        let memory =
+            unsafe { &mut *core::hint::black_box((&raw mut CRASH_RECORD).cast::<[u8; crash_log::LEN]>()) };
         use_it(memory)
     })
 }
 
-/// The independent watchdog, started.
-pub(crate) struct StorageTask {
+/// Driver of the independent watchdog.
+pub(crate) struct WatchdogDriver {
     watchdog: IndependentWatchdog<'static, IWDG>,
 }
 
-impl StorageTask {
-    /// Starts the watchdog; nothing stops it any more.
+impl WatchdogDriver {
+    /// Starts the watchdog, which cannot be stopped again.
     pub(crate) fn new(iwdg: Peri<'static, IWDG>) -> Self {
         let mut watchdog = IndependentWatchdog::new(iwdg, WATCHDOG_US);
         watchdog.unleash();
@@ -50,23 +50,24 @@ impl StorageTask {
     }
 }
 
-impl Watchdog for StorageTask {
+impl Watchdog for WatchdogDriver {
     fn feed(&mut self) {
         self.watchdog.pet();
     }
 
     fn give_up(&mut self, task: Task) {
-        with_note(|memory| {
-            crash_log::write(memory, Kind::Overdue, |text| {
+        with_crash_memory(|memory| {
+            crash_log::write(memory, CrashKind::Overdue, |text| {
                 text.push(task.name());
             })
         });
     }
 }
 
-/// Why the controller started, told to the log as well; the hardware and the note's memory forget it.
-pub(crate) fn begin() -> Begin {
-    let (has_survived, note) = with_note(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
+/// Reason of the present start, also logged; clears it in the hardware and in the crash record's memory.
+pub(crate) fn begin() -> StartReason {
+    let (has_survived, crash_record) =
+        with_crash_memory(|memory| (crash_log::has_survived(memory), crash_log::take(memory)));
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
     let cause = if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -74,7 +75,7 @@ pub(crate) fn begin() -> Begin {
     } else if flags.sftrstf() {
         ResetCause::Software
     } else if flags.borrstf() {
-        // Set at every power-on as well: the supply came through the brown-out threshold.
+        // Set at every power-on as well: the supply has passed the brown-out threshold.
         crash_log::supply_reset(has_survived)
     } else if flags.pinrstf() {
         ResetCause::Pin
@@ -82,36 +83,39 @@ pub(crate) fn begin() -> Begin {
         ResetCause::Unknown
     };
     defmt::info!("started by {}", cause);
-    if let Some(note) = &note {
-        defmt::warn!("before the reset: {}, {=str}", note.kind, note.text.as_str());
+    if let Some(crash) = &crash_record {
+        defmt::warn!("before the reset: {}, {=str}", crash.kind, crash.text.as_str());
     }
-    Begin { cause, note }
+    StartReason { cause, crash_record }
 }
 
-/// Leaves a note and resets.
+/// Writes a crash record and resets.
 pub(crate) fn stop(why: &str) -> ! {
-    leave(Kind::Panic, |text| {
+    crash(CrashKind::Panic, |text| {
         text.push(why);
     })
 }
 
-fn leave(kind: Kind, tell: impl FnOnce(&mut Text<'_>)) -> ! {
+fn crash(kind: CrashKind, describe: impl FnOnce(&mut CrashText<'_>)) -> ! {
     cortex_m::interrupt::disable();
-    with_note(|memory| crash_log::write(memory, kind, tell));
+    with_crash_memory(|memory| crash_log::write(memory, kind, describe));
     SCB::sys_reset()
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
-    // Who called; the texts and places of all panics would take 8 KB of flash.
-    leave(Kind::Panic, |text| tell(text, callers(&Flash, backtrace::stack())))
+    // Backtrace only: texts and locations of all panics would take 8 KB of flash.
+    crash(CrashKind::Panic, |text| write_backtrace(text, return_addresses(&CodeFlash, backtrace::stack())))
 }
 
 #[allow(unsafe_code, reason = "an exception handler for hard faults must be declared unsafe")]
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    leave(Kind::HardFault, |text| {
+    crash(CrashKind::HardFault, |text| {
         text.push("at ").push_hex(frame.pc()).push(", ");
-        tell(text, [frame.lr()].into_iter().chain(callers(&Flash, backtrace::stack())))
+        write_backtrace(
+            text,
+            [frame.lr()].into_iter().chain(return_addresses(&CodeFlash, backtrace::stack())),
+        )
     })
 }

@@ -1,19 +1,19 @@
-//! The codes with which the firmware ends QEMU; `docs/firmware.md` lists them for users.
+//! Exit codes with which the firmware ends QEMU; `docs/firmware.md` lists them for users.
 
 use semihosting::process;
 
-/// Why the firmware ends.
+/// Reason for the end of the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
 pub enum Exit {
-    /// The host asked for it.
+    /// Requested by the host.
     Shutdown = 0,
-    /// The host closed the line without asking for the end.
+    /// Line closed by the host without a shutdown.
     HostGone = 3,
     /// The line failed.
     LineFailed = 4,
-    /// A task could not be started.
+    /// Task not started.
     Spawn = 5,
-    /// A task was overdue, so the watchdog would reset the controller.
+    /// Task overdue: the watchdog would reset the controller.
     Watchdog = 6,
     /// A panic.
     Panic = 101,

@@ -1,4 +1,4 @@
-//! Panics and hard faults: what is known is logged, then QEMU ends with a code, so that no test can wait for ever.
+//! Panics and hard faults: logged, then QEMU ends with an exit code, so that no test waits for ever.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -7,12 +7,12 @@ use cortex_m_rt::{ExceptionFrame, exception};
 
 use crate::exit::Exit;
 
-/// Whether a fault is being reported: a second one, from within the report, must not report again.
+/// Whether a fault is being reported: a second one, from within the report, must not be reported.
 static REPORTING: AtomicBool = AtomicBool::new(false);
 
-/// Whether this is the first fault, which may be reported.
+/// Whether this is the first fault, which is reported.
 fn first() -> bool {
-    // One core, and faults are not interrupted by tasks: load and store cannot be torn apart.
+    // Single core, and faults are not interrupted by tasks: load and store are not interleaved.
     let first = !REPORTING.load(Ordering::Relaxed);
     REPORTING.store(true, Ordering::Relaxed);
     first
@@ -22,7 +22,7 @@ fn first() -> bool {
 fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
     if first() {
-        // As text first: it needs no decoder, and a fault in the logger itself leaves at least that.
+        // As plain text first: it needs no decoder, and survives a fault in the logger itself.
         semihosting::eprintln!("{info}");
         defmt::error!("{}", defmt::Display2Format(info));
     }

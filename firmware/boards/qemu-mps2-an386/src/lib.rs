@@ -1,24 +1,26 @@
-//! QEMU's mps2-an386 (Cortex-M4F at 25 MHz) as a board of the leakage estimator.
+//! Board support for QEMU's mps2-an386 (Cortex-M4F at 25 MHz).
 //!
 //! | module | duty |
 //! |---|---|
 //! | [`time`] | time driver on the two CMSDK timers, in microseconds |
-//! | [`mod@line`] | the link's line: a pair of files or FIFOs reached by semihosting |
-//! | [`uart`] | the same over UART 0 |
-//! | [`priority`] | the controller's executors, of three priorities |
-//! | [`emulated`] | the controller's hardware, whose other end is the host |
-//! | [`stack`] | how deep the stack has been |
-//! | [`exit`] | the codes with which the firmware ends QEMU |
-//! | `faults` | panics and hard faults: logged, then the end of QEMU with a code |
-//! | `vectors` | the interrupt vectors |
+//! | [`mod@line`] | line of the PIL link: a pair of files or FIFOs, accessed by semihosting |
+//! | [`uart`] | the same line over UART 0 |
+//! | [`priority`] | executors of the controller, of four priorities |
+//! | [`emulated`] | emulated hardware of the controller, simulated by the host |
+//! | [`stack`] | high-water mark of the stack |
+//! | [`exit`] | exit codes of QEMU |
+//! | `faults` | panics and hard faults: logged, then the end of QEMU with an exit code |
+//! | `interrupts` | numbers of the interrupts in use |
+//! | `vectors` | interrupt vector table |
 //!
-//! `unsafe` stands in the modules that touch hardware, each use with its reason, and nowhere else.
+//! Only modules that access hardware contain `unsafe`, each use with its reason.
 #![no_std]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 pub mod emulated;
 pub mod exit;
 mod faults;
+mod interrupts;
 pub mod line;
 pub mod priority;
 mod registers;
@@ -32,12 +34,12 @@ use kou_pil::server::Board;
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
-/// The board as the tasks see it.
+/// The board, for the PIL server.
 #[derive(Debug, Clone, Copy)]
 pub struct QemuMps2An386;
 
 impl QemuMps2An386 {
-    /// Starts the clock. Call it first.
+    /// Starts the clock. To be called first.
     pub fn init() -> Self {
         time::init();
         Self

@@ -1,9 +1,9 @@
-//! The link's line in QEMU: two files of the host, reached by semihosting.
+//! Line of the PIL link in QEMU: two files of the host, accessed by semihosting.
 //!
-//! The host makes a pair of FIFOs in QEMU's working directory; their names are fixed. A read stops the whole emulated
-//! processor until bytes come, so it waits until every request has been answered. In return the exchange is in lockstep:
-//! with QEMU's `-icount` the firmware's time does not depend on the host's speed. A read of zero bytes means that the
-//! host has closed its end.
+//! The host creates a pair of FIFOs with fixed names in QEMU's working directory. A read stops the whole emulated
+//! processor until bytes arrive, so it waits until every request has been answered. The exchange is therefore in
+//! lockstep: with QEMU's `-icount` the firmware's time is independent of the host's speed. A read of zero bytes means
+//! that the host has closed its end.
 
 use core::ffi::CStr;
 
@@ -13,18 +13,18 @@ use kou_pil::server::InFlight;
 use semihosting::fs::File;
 use semihosting::io::{self, Read as _, Write as _};
 
-/// Name of the file from which requests are read.
+/// Name of the file with the requests.
 pub const REQUESTS: &CStr = c"kou-link.in";
-/// Name of the file to which responses are written.
+/// Name of the file for the responses.
 pub const RESPONSES: &CStr = c"kou-link.out";
 
-/// End of the line from which requests come.
+/// Receiving end of the line.
 pub struct Requests<M: RawMutex + 'static> {
     file: File,
     in_flight: &'static InFlight<M>,
 }
 
-/// End of the line into which responses go.
+/// Sending end of the line.
 pub struct Responses {
     file: File,
 }
@@ -32,7 +32,7 @@ pub struct Responses {
 /// Opens the line, requests first: the host opens its ends in the same order.
 ///
 /// # Errors
-/// When there is no such file: nobody is there to talk to.
+/// The files do not exist: no host is present.
 pub fn open<M: RawMutex>(in_flight: &'static InFlight<M>) -> io::Result<(Requests<M>, Responses)> {
     let requests = Requests { file: File::open(REQUESTS)?, in_flight };
     let responses = Responses { file: File::create(RESPONSES)? };
@@ -45,7 +45,7 @@ impl<M: RawMutex> ErrorType for Requests<M> {
 
 impl<M: RawMutex> Read for Requests<M> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.in_flight.quiet().await;
+        self.in_flight.wait_idle().await;
         self.file.read(buffer).map_err(|_| ErrorKind::Other)
     }
 }

@@ -1,4 +1,4 @@
-//! The leakage estimator's firmware for QEMU's mps2-an386: wraps the application's tasks and starts them.
+//! PIL firmware for QEMU's mps2-an386: the server's tasks in one executor.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -6,59 +6,59 @@
 use embassy_executor::{SpawnError, Spawner};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_time::{Duration, Timer};
-use kou_pil::server::{Bus, LinkEnd, run_estimate, run_heartbeat, run_link_in, run_link_out};
+use kou_pil::server::{LinkEnd, ServerChannels, run_estimate, run_heartbeat, run_link_in, run_link_out};
 use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::line::{self, Requests, Responses};
-use kou_qemu_mps2_an386::uart::{self, Receiver, Sender};
+use kou_qemu_mps2_an386::uart::{self, UartReceiver, UartSender};
 use semihosting::experimental::env;
 
 /// Every task runs in thread mode, so the channels need no critical section.
 type Mutex = ThreadModeRawMutex;
 
-static BUS: Bus<Mutex> = Bus::new();
+static CHANNELS: ServerChannels<Mutex> = ServerChannels::new();
 
-/// Bytes of one read from the line; a pipe hands over at most this much at once.
+/// Bytes per read from the line; a pipe delivers at most this much at once.
 const CHUNK_LEN: usize = 4096;
-/// Bytes of one read from the UART, which brings them singly.
+/// Bytes per read from the UART, which delivers them singly.
 const UART_CHUNK_LEN: usize = 64;
 const HEARTBEAT: Duration = Duration::from_millis(100);
-/// Time after which the firmware ends when it has nobody to talk to.
+/// Time after which the firmware ends without a host.
 const ALONE: Duration = Duration::from_secs(1);
 
 #[embassy_executor::task]
 async fn link_in(mut requests: Requests<Mutex>) {
     let mut chunk = [0; CHUNK_LEN];
-    end(run_link_in(&BUS, &mut requests, &mut chunk).await)
+    end(run_link_in(&CHANNELS, &mut requests, &mut chunk).await)
 }
 
 #[embassy_executor::task]
 async fn estimate(board: QemuMps2An386) {
-    run_estimate(&BUS, &board).await
+    run_estimate(&CHANNELS, &board).await
 }
 
 #[embassy_executor::task]
 async fn link_out(mut responses: Responses) {
-    end(run_link_out(&BUS, &mut responses).await)
+    end(run_link_out(&CHANNELS, &mut responses).await)
 }
 
 #[embassy_executor::task]
-async fn uart_in(mut receiver: Receiver) {
+async fn uart_in(mut receiver: UartReceiver) {
     let mut chunk = [0; UART_CHUNK_LEN];
-    end(run_link_in(&BUS, &mut receiver, &mut chunk).await)
+    end(run_link_in(&CHANNELS, &mut receiver, &mut chunk).await)
 }
 
 #[embassy_executor::task]
-async fn uart_out(mut sender: Sender) {
-    end(run_link_out(&BUS, &mut sender).await)
+async fn uart_out(mut sender: UartSender) {
+    end(run_link_out(&CHANNELS, &mut sender).await)
 }
 
 #[embassy_executor::task]
 async fn heartbeat() {
-    run_heartbeat(&BUS, HEARTBEAT).await
+    run_heartbeat(&CHANNELS, HEARTBEAT).await
 }
 
-/// What the end of the link means in an emulator: the end of the firmware.
+/// Exits with the code of the link's end.
 fn end(reason: LinkEnd) -> ! {
     let exit = match reason {
         LinkEnd::Shutdown => Exit::Shutdown,
@@ -69,7 +69,7 @@ fn end(reason: LinkEnd) -> ! {
     exit.now()
 }
 
-/// Whether the command line asks for the link to be on UART 0 instead of files.
+/// Whether the command line selects UART 0 instead of files.
 fn wants_uart() -> bool {
     env::args::<128>().is_ok_and(|arguments| (&arguments).into_iter().flatten().any(|word| word == "uart"))
 }
@@ -83,7 +83,7 @@ fn start(spawner: Spawner, board: QemuMps2An386) -> Result<bool, SpawnError> {
         spawner.spawn(uart_out(sender)?);
         return Ok(true);
     }
-    let Ok((requests, responses)) = line::open(&BUS.in_flight) else { return Ok(false) };
+    let Ok((requests, responses)) = line::open(&CHANNELS.in_flight) else { return Ok(false) };
     spawner.spawn(link_in(requests)?);
     spawner.spawn(link_out(responses)?);
     Ok(true)

@@ -1,15 +1,15 @@
-//! Executors of four priorities: the tasks of one interrupt those of the ones below it.
+//! Executors of four priorities, each preempting the tasks of the lower ones.
 //!
-//! The thread is left with nothing to do. (Its own executor would wait for events, and each such wait costs QEMU dearly.)
-//! Each runs in an interrupt of no peripheral in use, which the executor itself pends. The timers' interrupts stay above
-//! all, or no task would be woken while one runs.
+//! The thread is idle. (Its own executor would wait for events, and each wait is expensive in QEMU.) Each executor
+//! runs in the interrupt of an unused peripheral, which it pends itself. The timers' interrupts have a higher
+//! priority than all of them, or no task would be woken while another one runs.
 
 use embassy_executor::{InterruptExecutor, SendSpawner};
 
+use crate::interrupts::Interrupt;
 use crate::registers::write;
-use crate::vectors::Interrupt;
 
-/// Priorities of interrupts 20 to 23, a byte each; smaller is higher, and the timers' is 0.
+/// Priorities of interrupts 20 to 23, one byte each; smaller is higher, and the timers' is 0.
 const PRIORITIES_OF_20: usize = 0xE000_E414;
 const HIGHEST_PRIORITY: u32 = 0x40;
 const HIGH_PRIORITY: u32 = 0x80;
@@ -21,7 +21,7 @@ static HIGH: InterruptExecutor = InterruptExecutor::new();
 static LOW: InterruptExecutor = InterruptExecutor::new();
 static LOWEST: InterruptExecutor = InterruptExecutor::new();
 
-/// Starts them; call it once. Spawners of the highest, of high, of low and of the lowest priority.
+/// Starts the executors, once. Returns the spawners of the highest, high, low and lowest priority.
 pub fn start() -> [SendSpawner; 4] {
     let priorities = HIGHEST_PRIORITY | HIGH_PRIORITY << 8 | LOW_PRIORITY << 16 | LOWEST_PRIORITY << 24;
     write(PRIORITIES_OF_20, priorities);
@@ -33,25 +33,25 @@ pub fn start() -> [SendSpawner; 4] {
     ]
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_highest() {
     // SAFETY: this is the handler of the interrupt that was given to `HIGHEST.start`.
     unsafe { HIGHEST.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_high() {
     // SAFETY: this is the handler of the interrupt that was given to `HIGH.start`.
     unsafe { HIGH.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_low() {
     // SAFETY: this is the handler of the interrupt that was given to `LOW.start`.
     unsafe { LOW.on_interrupt() }
 }
 
-#[allow(unsafe_code, reason = "an executor's turn may only be taken from its interrupt")]
+#[allow(unsafe_code, reason = "an executor may only be polled from its interrupt")]
 pub(crate) extern "C" fn on_lowest() {
     // SAFETY: this is the handler of the interrupt that was given to `LOWEST.start`.
     unsafe { LOWEST.on_interrupt() }

@@ -1,4 +1,4 @@
-//! Access to 32-bit registers by address: the one place where a number becomes a pointer.
+//! Access to 32-bit registers by address: the only place where a number becomes a pointer.
 
 /// Reads the register at `address`.
 #[allow(unsafe_code, reason = "a register is reached by its address")]

@@ -1,10 +1,10 @@
-//! How deep the stack has been: start-up paints it, and whatever was used since has lost the paint.
+//! High-water mark of the stack: start-up paints it, and used words have lost the paint.
 
 use cortex_m_rt::STACK_PAINT_VALUE;
 
 /// Deepest stack since start, in bytes.
 ///
-/// Takes a pass over the free memory below the stack: some 5 ms of the board's time, in which no other task runs.
+/// Scans the free memory below the stack: about 5 ms of the board's time, in which no other task runs.
 #[allow(unsafe_code, reason = "reads the painted memory between the linker's symbols")]
 #[must_use]
 pub fn high_water_bytes() -> u32 {

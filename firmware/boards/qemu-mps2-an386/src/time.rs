@@ -1,4 +1,4 @@
-//! Time driver: timer 0 counts for ever, timer 1 rings for the next task that sleeps.
+//! Time driver: timer 0 is a free-running counter, timer 1 the alarm of the next sleeping task.
 //!
 //! Both are 32-bit down-counters at the processor's clock. Timer 0 wraps every 172 s; its interrupt counts the wraps.
 
@@ -10,10 +10,10 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 
+use crate::interrupts::{Interrupt, unmask};
 use crate::registers::{read, write};
-use crate::vectors::{Interrupt, unmask};
 
-/// Counts of the processor's clock in a microsecond.
+/// Counts of the processor's clock per microsecond.
 const COUNTS_PER_US: u64 = 25;
 
 const TIMER0: usize = 0x4000_0000;
@@ -38,7 +38,7 @@ embassy_time_driver::time_driver_impl!(static DRIVER: CmsdkTimers = CmsdkTimers 
 });
 
 impl CmsdkTimers {
-    /// Makes timer 1 ring at `at`; false when that is past.
+    /// Sets the alarm of timer 1; returns false when `at` is past.
     fn ring_at(&self, at: u64) -> bool {
         write(TIMER1 + CTRL, 0);
         write(TIMER1 + INTERRUPT, 1);
@@ -46,7 +46,7 @@ impl CmsdkTimers {
             return true;
         }
         let Some(delay_us) = at.checked_sub(self.now()).filter(|&delay| delay > 0) else { return false };
-        // A delay beyond the counter's span rings early, finds nothing due, and is set again.
+        // A delay beyond the counter's range rings early, finds nothing due, and is set again.
         let counts = u32::try_from(delay_us.saturating_mul(COUNTS_PER_US)).unwrap_or(u32::MAX);
         write(TIMER1 + RELOAD, counts);
         write(TIMER1 + VALUE, counts);
@@ -54,7 +54,7 @@ impl CmsdkTimers {
         true
     }
 
-    /// Wakes what is due and sets timer 1 for what comes next.
+    /// Wakes due tasks and sets timer 1 for the next one.
     fn serve(&self, cs: CriticalSection<'_>) {
         let mut queue = self.queue.borrow(cs).borrow_mut();
         let mut next = queue.next_expiration(self.now());
@@ -75,7 +75,7 @@ impl Driver for CmsdkTimers {
             if read(TIMER0 + INTERRUPT) == 0 {
                 (wraps, value)
             } else {
-                // Wrapped, and the interrupt waits for this critical section: the value read may be of either side.
+                // Wrapped, and the interrupt waits for this critical section: the value may be of either side.
                 (wraps.wrapping_add(1), read(TIMER0 + VALUE))
             }
         });
@@ -91,7 +91,7 @@ impl Driver for CmsdkTimers {
     }
 }
 
-/// Starts both timers' interrupts and the count.
+/// Starts the count, and the interrupts of both timers.
 pub(crate) fn init() {
     write(TIMER0 + RELOAD, u32::MAX);
     write(TIMER0 + VALUE, u32::MAX);

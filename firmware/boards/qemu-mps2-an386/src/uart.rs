@@ -1,16 +1,16 @@
-//! The link's line over UART 0, as on a board that has no debugger to lend it files.
+//! Line of the PIL link over UART 0, as on a board without semihosting.
 //!
-//! Received bytes go by interrupt into a pipe from which `link in` reads. While the pipe is full the interrupt is off and
-//! the byte stays in the UART: QEMU then holds the sender back, real hardware would lose bytes and the frame's CRC would
-//! tell. Sending is polled, giving way to the other tasks between two looks.
+//! An interrupt moves received bytes into a pipe, from which the task `link in` reads. While the pipe is full the
+//! interrupt is disabled and the byte remains in the UART: QEMU then blocks the sender; real hardware would lose
+//! bytes, which the frame's CRC detects. Sending is polled, yielding to the other tasks in between.
 
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::pipe::Pipe;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 
+use crate::interrupts::{Interrupt, unmask};
 use crate::registers::{read, write};
-use crate::vectors::{Interrupt, unmask};
 
 const UART0: usize = 0x4000_4000;
 /// Offsets of a CMSDK UART's registers.
@@ -33,19 +33,19 @@ const DIVIDER: u32 = 16;
 
 static RECEIVED_BYTES: Pipe<CriticalSectionRawMutex, 1024> = Pipe::new();
 
-/// Receiving half.
-pub struct Receiver(());
+/// Receiving half of the UART.
+pub struct UartReceiver(());
 
-/// Sending half.
-pub struct Sender(());
+/// Sending half of the UART.
+pub struct UartSender(());
 
 /// Starts the UART.
 #[must_use]
-pub fn open() -> (Receiver, Sender) {
+pub fn open() -> (UartReceiver, UartSender) {
     write(UART0 + BAUD_DIVIDER, DIVIDER);
     write(UART0 + CTRL, ENABLE | RECEIVE_INTERRUPT);
     unmask(Interrupt::Uart0Receive);
-    (Receiver(()), Sender(()))
+    (UartReceiver(()), UartSender(()))
 }
 
 /// Interrupt on receipt.
@@ -65,27 +65,27 @@ pub(crate) extern "C" fn on_receive() {
     }
 }
 
-impl ErrorType for Receiver {
+impl ErrorType for UartReceiver {
     type Error = ErrorKind;
 }
 
-impl Read for Receiver {
+impl Read for UartReceiver {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
         let received = RECEIVED_BYTES.read(buffer).await;
         if read(UART0 + CTRL) & RECEIVE_INTERRUPT == 0 {
             write(UART0 + CTRL, ENABLE | RECEIVE_INTERRUPT);
-            // A byte that came meanwhile has had its interrupt already.
+            // A byte that arrived meanwhile has had its interrupt already.
             critical_section::with(|_| on_receive());
         }
         Ok(received)
     }
 }
 
-impl ErrorType for Sender {
+impl ErrorType for UartSender {
     type Error = ErrorKind;
 }
 
-impl Write for Sender {
+impl Write for UartSender {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         for &byte in bytes {
             while read(UART0 + STATE) & SEND_FULL != 0 {

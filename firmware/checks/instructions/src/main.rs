@@ -17,11 +17,13 @@ use core::panic::PanicInfo;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use cortex_m_semihosting::debug::{self, EXIT_FAILURE, EXIT_SUCCESS};
 use cortex_m_semihosting::{heprintln, hprintln};
-use kou_check_fixture::{Driving, Samples, drive, flow_rig, typical_point, typical_sample};
 use kou_estimator::model::flow_balance::OperatingPoint;
 use kou_estimator::model::leakage_law::Law;
 use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Calibration, Estimate, Params, Reason, Sample, State, step};
+use kou_fixture::{
+    MixedSamples, PlateauSamples, flow_meter_rig, short_blocks, typical_point, typical_sample,
+};
 
 use counter::{instructions, ticks};
 
@@ -125,13 +127,13 @@ fn step_instructions(params: &Params, state: &mut State, sample: &Sample, out: &
 /// The dearest step over the samples, and how many of the samples were valid.
 fn worst_step(params: &Params) -> (u32, u32) {
     let mut state = State::new();
-    (worst_of(params, &mut state, Samples::new().take(SAMPLES)), state.valid())
+    (worst_of(params, &mut state, MixedSamples::new().take(SAMPLES)), state.valid())
 }
 
 /// The dearest step over a drive in which a change is found and its causes are judged.
 fn worst_of_driving(params: &Params) -> u32 {
     let mut state = State::new();
-    let worst = worst_of(params, &mut state, Driving::new().take(DRIVING));
+    let worst = worst_of(params, &mut state, PlateauSamples::new().take(DRIVING));
     if state.health().last_change().is_none() {
         heprintln!("no change was found in the drive, so its worst step means nothing");
         fail();
@@ -158,8 +160,8 @@ fn params(calibration: &Calibration) -> Params {
 #[entry]
 fn main() -> ! {
     counter::start();
-    let drive = black_box(params(&drive()));
-    let rig = black_box(params(&flow_rig()));
+    let drive = black_box(params(&short_blocks()));
+    let rig = black_box(params(&flow_meter_rig()));
     let at = black_box(typical_point());
 
     let empty = law_ticks(nothing_as!(LawFn), drive.law(), &at);

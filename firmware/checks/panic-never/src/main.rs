@@ -121,7 +121,11 @@ extern "C" fn _start() {
     black_box(kou_estimator::record::state::encode(&state, 0, &mut buffer).is_ok());
     black_box(kou_estimator::record::state::decode(bytes, 0).is_ok());
     let health = state.health();
-    black_box((health.severity(params.health()), health.remaining_life(params.health()), health.last_change()));
+    black_box((
+        health.severity(params.health()),
+        health.remaining_life(params.health()),
+        health.last_change(),
+    ));
     black_box((&estimate, estimate.wear_ratio().is_ok(), state.samples(), state.valid()));
     pieces(params, unknown(0x78 as *const OperatingPoint));
     configurations(calibration);

@@ -12,26 +12,26 @@ use crate::units::{
     Celsius, CubicCentimetrePerRev, LeakageCoefficient, LitrePerMin, Megapascal, Ratio, RevPerMin,
 };
 
-/// What measures the flow that arrives.
+/// Sensor of the output flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Output {
+pub enum OutputSensor {
     /// A motor: its speed over the pump's is the ratio.
     Motor,
-    /// A flow meter in the high line: its flow over what its reference displacement passes is the ratio.
+    /// A flow meter in the high line: its flow over that of its reference displacement at pump speed is the ratio.
     FlowMeter,
 }
 
-/// Which machine this is, and its constants that are not fitted.
+/// Identity of the machine, and its constants that are not fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MachineConfig {
     /// Name of the machine's type.
     pub name: String<48>,
-    /// Serial number of the very machine that was calibrated; empty where the calibration is for the type.
+    /// Serial number of the calibrated machine; empty where the calibration is for the type.
     pub serial: String<32>,
-    /// What measures the flow that arrives.
-    pub output: Output,
+    /// Sensor of the output flow.
+    pub output: OutputSensor,
     /// Number of pistons of the pump, `Z_p`.
     pub pump_pistons: u8,
     /// Number of pistons of the motor, `Z_m`; 0 for a flow meter.
@@ -47,7 +47,7 @@ pub struct MachineConfig {
     pub low_pressure: Megapascal,
 }
 
-/// Standard errors (1 sigma) of the sensors, for the standard error of the coefficient seen.
+/// Standard errors (1 sigma) of the sensors, for the standard error of the observed coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorErrors {
@@ -62,11 +62,11 @@ pub struct SensorErrors {
     pub displacement: Ratio,
 }
 
-/// Declared span of every sensor: a value outside is a fault, not a measurement.
+/// Declared measuring range of every sensor: a value outside is a fault, not a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorRanges {
-    /// Largest magnitude of either shaft's speed; the pump turns one way only.
+    /// Largest magnitude of either shaft's speed; the pump turns in one direction only.
     #[serde(rename = "speed_max_rpm")]
     pub speed_max: RevPerMin,
     /// Smallest pressure, gauge.
@@ -86,63 +86,63 @@ pub struct SensorRanges {
     pub flow_max: LitrePerMin,
 }
 
-/// Where the estimator refuses to judge.
+/// Operating limits within which leakage is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
     /// Oldest reading that is used, in microseconds.
     pub max_age_us: u32,
-    /// Slowest pump speed at which leakage is judged.
+    /// Lowest pump speed at which leakage is estimated.
     #[serde(rename = "min_pump_speed_rpm")]
     pub min_pump_speed: RevPerMin,
-    /// Smallest displacement fraction, in magnitude, at which leakage is judged.
+    /// Smallest displacement fraction, in magnitude, at which leakage is estimated.
     pub min_displacement: Ratio,
-    /// Smallest pressure difference between the lines at which leakage is judged.
+    /// Smallest pressure difference between the lines at which leakage is estimated.
     #[serde(rename = "min_pressure_difference_mpa")]
     pub min_pressure_difference: Megapascal,
-    /// Largest coefficient that leakage can plausibly have.
+    /// Largest plausible leakage coefficient.
     #[serde(rename = "max_kou_l_min_mpa")]
     pub max_kou: LeakageCoefficient,
 }
 
-/// Where the calibration comes from.
+/// Provenance of a calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Tool and version that wrote the calibration.
     pub tool: String<32>,
-    /// Day on which it was made, as the user gave it; empty where none was given.
+    /// Date of the calibration, as the user gave it; empty where none was given.
     pub date: String<16>,
     /// CRC-32 of the bench records' bytes.
     pub bench_crc32: u32,
     /// CRC-32 of the machine file's bytes.
     pub machine_crc32: u32,
-    /// Number of points that the law was fitted to.
+    /// Number of bench points to which the law was fitted.
     pub points: u32,
 }
 
-/// The calibration of one machine, unchecked.
+/// Calibration of one machine, unchecked: everything the estimator knows that is not measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Which machine.
+    /// Machine.
     pub machine: MachineConfig,
-    /// Its oil.
+    /// Oil.
     pub oil: OilConfig,
-    /// Constants of the reduced model.
+    /// Constants of the flow balance (reduced model).
     pub reduced: ReducedConfig,
-    /// The leakage law.
+    /// Leakage law.
     pub law: LawConfig,
     /// Region in which the law was calibrated.
     pub region: RegionConfig,
     /// Standard errors of the sensors.
     pub sensor_errors: SensorErrors,
-    /// Spans of the sensors.
+    /// Measuring ranges of the sensors.
     pub sensor_ranges: SensorRanges,
-    /// Where the estimator refuses to judge.
+    /// Operating limits within which leakage is estimated.
     pub limits: Limits,
-    /// How health is learned and judged.
+    /// Health monitoring.
     pub health: HealthConfig,
-    /// Where the calibration comes from.
+    /// Provenance.
     pub provenance: Provenance,
 }

@@ -1,18 +1,18 @@
-//! Why a calibration is rejected: the field and its problem; the two elementary checks.
+//! Error of a calibration: the rejected field and its problem; the elementary checks.
 
 use core::fmt;
 
-/// Why a calibration is refused. Names the field as it stands in the TOML form.
+/// Error of a calibration, with the field as named in the TOML form.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CalibrationError {
     /// Dotted name of the field, for instance `oil.bulk_modulus_mpa`.
     pub field: &'static str,
-    /// What is wrong with it.
+    /// Problem of its value.
     pub problem: Problem,
 }
 
-/// What is wrong with a field.
+/// Problem of a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Problem {
@@ -27,7 +27,7 @@ pub enum Problem {
         /// Largest allowed value.
         max: f32,
     },
-    /// In range by itself, but contradicting another field.
+    /// In range by itself, but inconsistent with another field.
     Inconsistent(&'static str),
 }
 
@@ -45,6 +45,7 @@ impl fmt::Display for CalibrationError {
 
 impl core::error::Error for CalibrationError {}
 
+/// Rejects a value that is not finite or out of range.
 pub(crate) fn in_range(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), CalibrationError> {
     if !value.is_finite() {
         Err(CalibrationError { field, problem: Problem::NotFinite })
@@ -55,10 +56,11 @@ pub(crate) fn in_range(field: &'static str, value: f32, min: f32, max: f32) -> R
     }
 }
 
+/// Rejects a field for which a condition does not hold.
 pub(crate) fn consistent(
     field: &'static str,
-    holds: bool,
-    otherwise: &'static str,
+    condition: bool,
+    problem: &'static str,
 ) -> Result<(), CalibrationError> {
-    if holds { Ok(()) } else { Err(CalibrationError { field, problem: Problem::Inconsistent(otherwise) }) }
+    if condition { Ok(()) } else { Err(CalibrationError { field, problem: Problem::Inconsistent(problem) }) }
 }

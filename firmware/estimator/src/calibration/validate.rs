@@ -1,9 +1,9 @@
-//! What a calibration must satisfy: every number finite and within its range, and the parts consistent.
+//! Validation of a calibration: every number finite and within its range, and the parts consistent.
 //!
-//! The ranges are those of axial-piston units and mineral or synthetic oils, wide enough for any machine that the
-//! reduced model describes and narrow enough that a slip of unit (bar for MPa, K for degC) is caught.
+//! The ranges are those of axial-piston units and mineral or synthetic oils, wide enough for any machine that the flow
+//! balance describes and narrow enough that a confused unit (bar for MPa, K for degC) is detected.
 
-use super::configuration::{Calibration, Output};
+use super::configuration::{Calibration, OutputSensor};
 use super::error::{CalibrationError, consistent, in_range};
 use crate::model::calibrated_region::Direction;
 use crate::model::flow_balance::{ReducedConfig, ReducedModel};
@@ -75,7 +75,8 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     consistent("reduced.pump_displacement_cm3_per_rev", pump, apart)?;
     let motor = near(c.reduced.motor_displacement.get(), m.motor_displacement.get());
     consistent("reduced.motor_displacement_cm3_per_rev", motor, apart)?;
-    // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no correction.
+    // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no
+    // correction.
     let root = square_root(c.sensor_ranges.pressure_max.get());
     let fewer = (c.reduced.fewer_leaking_per_rpm * c.sensor_ranges.speed_max.get()).abs()
         + (c.reduced.fewer_leaking_per_root_mpa * root).abs();
@@ -116,8 +117,12 @@ fn law(c: &Calibration) -> Result<(), CalibrationError> {
     in_range("law.t_max_c", k.t_max.get(), 10.0, 200.0)?;
     in_range("law.residual_se", k.residual_se.get(), 0.0, 10.0)?;
     // Standard errors of single coefficients may exceed the coefficients, but not by orders of magnitude.
-    in_range("law.error_root.rest", k.error_root.rest.get(), 0.0, 10.0)?;
-    k.error_root.rows().into_iter().flatten().try_for_each(|v| in_range("law.error_root", *v, -100.0, 100.0))
+    in_range("law.error_root.rest", k.covariance_factor.remainder.get(), 0.0, 10.0)?;
+    k.covariance_factor
+        .rows()
+        .into_iter()
+        .flatten()
+        .try_for_each(|v| in_range("law.error_root", *v, -100.0, 100.0))
 }
 
 fn region(c: &Calibration) -> Result<(), CalibrationError> {
@@ -198,7 +203,7 @@ fn limits(c: &Calibration) -> Result<(), CalibrationError> {
     )
 }
 
-/// Checks the whole calibration.
+/// Validates a calibration.
 ///
 /// # Errors
 /// The first field that is not finite, out of range or inconsistent.
@@ -215,7 +220,8 @@ pub fn all(c: &Calibration) -> Result<(), CalibrationError> {
 }
 
 impl ReducedModel {
-    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one exists.
+    /// Checks the constants of a reduced model and prepares it, without a law: identification needs it before one
+    /// exists.
     ///
     /// # Errors
     /// The first field that is not finite or out of range.

@@ -1,22 +1,21 @@
-//! Blocks: means over a fixed time, below the piston ripple and above the noise of single samples.
+//! Block averaging: means over a fixed time, slower than the piston ripple and less noisy than single samples.
 //!
-//! What is averaged is what the step has computed already, so a block costs no second flow balance. Within a steady block
-//! all of it varies little, and means of products are products of means; blocks that are not steady are not used.
+//! The averaged quantities are by-products of the step, so a block costs no second flow balance. Within a steady block
+//! they vary little, so that means of products equal products of means; unsteady blocks are not used.
 
 use serde::{Deserialize, Serialize};
 
+use super::tuning::MAX_GAP_BLOCKS;
 use crate::units::Micros;
 
-/// Longest time without a sample within one block, in blocks.
-const MAX_GAP_BLOCKS: u64 = 4;
-
-/// What one sample contributes, and what a block holds as means.
+/// Contribution of one sample to the regression of the ratio residual; of a block, the means.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Terms {
-    /// Ratio by the law minus measured ratio, both as magnitudes: positive when more leaks than the law expects.
-    pub deficit: f32,
-    /// `dr/dKou` as a magnitude: loss of ratio per (L/min)/MPa.
+pub struct RegressionSample {
+    /// Ratio residual: ratio expected by the law minus measured ratio, both as magnitudes. Positive when more leaks
+    /// than the law expects.
+    pub ratio_residual: f32,
+    /// Sensitivity `|dr/dKou|`: loss of ratio per (L/min)/MPa.
     pub ratio_per_kou: f32,
     /// Kou by the law, (L/min)/MPa.
     pub kou_law: f32,
@@ -28,16 +27,16 @@ pub struct Terms {
     pub p_h_mpa: f32,
     /// Oil temperature, degC.
     pub t_b_c: f32,
-    /// Displacement, magnitude.
+    /// Displacement fraction, magnitude.
     pub alpha: f32,
-    /// Lost fraction of compression.
+    /// Compression loss `chi`.
     pub chi: f32,
 }
 
-impl Terms {
-    /// Nothing.
-    pub const NONE: Self = Self {
-        deficit: 0.0,
+impl RegressionSample {
+    /// Zero in every field.
+    pub const ZERO: Self = Self {
+        ratio_residual: 0.0,
         ratio_per_kou: 0.0,
         kou_law: 0.0,
         ratio: 0.0,
@@ -48,11 +47,11 @@ impl Terms {
         chi: 0.0,
     };
 
-    /// Each of them by a function of it and its like.
+    /// Applies a function to every field and its counterpart.
     #[inline(always)]
-    fn with(&self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
+    fn zip_with(&self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Self {
-            deficit: f(self.deficit, other.deficit),
+            ratio_residual: f(self.ratio_residual, other.ratio_residual),
             ratio_per_kou: f(self.ratio_per_kou, other.ratio_per_kou),
             kou_law: f(self.kou_law, other.kou_law),
             ratio: f(self.ratio, other.ratio),
@@ -65,81 +64,81 @@ impl Terms {
     }
 }
 
-/// A block being filled.
+/// Sums of the block being filled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Accumulator {
-    sums: Terms,
+    sums: RegressionSample,
     count: u32,
     begin: Micros,
     last: Micros,
     after_gap: bool,
 }
 
-/// Means over a block.
+/// A full block: means over its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Block {
     /// Time of its last sample.
     pub time: Micros,
     /// Means.
-    pub mean: Terms,
+    pub mean: RegressionSample,
     /// Number of samples.
     pub count: u32,
-    /// Whether samples were missing for so long before it that it has nothing to do with the block before.
+    /// Whether a gap in the samples separates it from the block before.
     pub after_gap: bool,
 }
 
 impl Block {
-    /// A block of nothing, in the place of one that is to come.
+    /// Empty block.
     #[must_use]
     pub const fn new() -> Self {
-        Self { time: Micros(0), mean: Terms::NONE, count: 0, after_gap: false }
+        Self { time: Micros(0), mean: RegressionSample::ZERO, count: 0, after_gap: false }
     }
 }
 
 impl Accumulator {
-    /// Nothing collected yet.
+    /// Empty accumulator.
     #[must_use]
     pub const fn new() -> Self {
         Self::since(Micros(0))
     }
 
-    /// Nothing collected since a time.
+    /// Empty accumulator whose first block begins at a time.
     #[must_use]
     pub const fn since(time: Micros) -> Self {
-        Self { sums: Terms::NONE, count: 0, begin: time, last: time, after_gap: false }
+        Self { sums: RegressionSample::ZERO, count: 0, begin: time, last: time, after_gap: false }
     }
 
-    /// Throws away what has been collected since the last block.
+    /// Discards the samples since the last block.
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Takes a sample; true when the block is full. The first sample after a gap begins a new block, which says so.
+    /// Adds a sample; true when the block is full. The first sample after a gap begins a new block, marked as such.
     #[inline(always)]
-    pub fn takes(&mut self, time: Micros, terms: &Terms, block_us: u32) -> bool {
+    pub fn push(&mut self, time: Micros, sample: &RegressionSample, block_us: u32) -> bool {
         let gap = time.0.saturating_sub(self.last.0) > MAX_GAP_BLOCKS * u64::from(block_us);
         if self.count == 0 || gap {
-            self.sums = *terms;
+            self.sums = *sample;
             self.count = 0;
             self.begin = self.last;
             self.after_gap = gap;
         } else {
             // A block has some hundred samples at most, so plain sums keep six digits.
-            self.sums = self.sums.with(terms, |sum, value| sum + value);
+            self.sums = self.sums.zip_with(sample, |sum, value| sum + value);
         }
         self.count = self.count.saturating_add(1);
         self.last = time;
         time.0.saturating_sub(self.begin.0) >= u64::from(block_us)
     }
 
-    /// The block that is full; the next begins.
-    pub fn block(&mut self) -> Block {
+    /// Closes the block and begins the next.
+    pub fn take_block(&mut self) -> Block {
         let per_count = 1.0 / self.count.max(1) as f32;
         let block = Block {
             time: self.last,
-            mean: self.sums.with(&Terms::NONE, |sum, _| sum * per_count),
+            mean: self.sums.zip_with(&RegressionSample::ZERO, |sum, _| sum * per_count),
             count: self.count,
             after_gap: self.after_gap,
         };

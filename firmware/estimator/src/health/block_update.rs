@@ -1,95 +1,90 @@
-//! What is stored of a block between the stages that process it.
+//! Hand-offs between the stages that process a block, stored from one sample to the next.
 
 use serde::{Deserialize, Serialize};
 
-use super::fault_isolation::{CAUSES, LEAKAGE_SIGNATURES, OTHER_SIGNATURES};
-use super::ud_rls::PARAMETERS;
+use super::block_regression::{BlockRegression, DeviationSpread};
+use super::diagnosis::CauseEvidence;
+use super::fault_isolation::{LEAKAGE_SIGNATURES, OTHER_SIGNATURES};
 
-/// What is to be done with the block that waits.
+/// Processing stage of the pending block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(super) enum Stage {
-    /// No block waits.
+pub enum ProcessingStage {
+    /// No block is pending.
     Idle,
-    /// Are pump speed and pressure steady?
+    /// Steadiness of pump speed and pressure.
     GateDrive,
-    /// Are displacement and the deficit of ratio?
-    GateRest,
-    /// What does the model say of it?
+    /// Steadiness of displacement and ratio residual.
+    GateRatio,
+    /// Regression model of the residual: law against measurement.
     Compare,
-    /// What do the parameters leave unexplained?
+    /// Innovation against the learned parameters.
     Innovate,
-    /// Is that a step?
-    Sum,
-    /// It is: take note of the change.
-    FoundStep,
-    /// Forget a little.
+    /// Cumulative sum: test for a step.
+    TestStep,
+    /// Start of the diagnosis of a step.
+    ReportStep,
+    /// Forgetting: growth of the level's variance.
     Forget,
-    /// Learn from it.
+    /// Measurement update of the parameters.
     Learn,
-    /// Has the level drifted?
-    Watch,
-    /// It has: take note of the change.
-    FoundDrift,
-    /// Signatures of leakage and of speed sensors, where there was a change.
+    /// Test for a drift.
+    TestDrift,
+    /// Start of the diagnosis of a drift.
+    ReportDrift,
+    /// Signatures of leakage and of the speed sensors.
     SignLeakage,
     /// Signatures of the other causes.
     SignOthers,
-    /// Regression on them.
+    /// Regression of the residual on the signatures.
     Regress,
-    /// Which causes remain?
-    Explain,
-    /// What follows from the causes.
+    /// Evidence for each cause.
+    Weigh,
+    /// Possible causes and their consequence for the parameters.
     Conclude,
-    /// Troubles.
-    Count,
-    /// Bounds and the trend of the level.
-    Follow,
-    /// What is to be told.
-    Tell,
+    /// Debouncing of the diagnostic faults.
+    Debounce,
+    /// Bounds of the parameters and trend of the level.
+    Extrapolate,
+    /// Publication of the health status.
+    Publish,
 }
 
-/// What the stages hand to each other.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// Hand-offs of the pending block; each field is written by one stage and read by the stages named.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(super) struct Used {
-    /// Loss of ratio per unit of level.
-    pub(super) per_level: f32,
-    pub(super) phi: [f32; PARAMETERS],
-    /// Variance of the deficit's noise, counted as if blocks were independent.
-    pub(super) noise_variance: f32,
-    /// Deficit that the parameters do not predict, or distance from the reference once a drift is found; what their
-    /// uncertainty may have done to it (1 sigma), and the noise's variance, all in units of level.
-    pub(super) error: f32,
-    pub(super) learned_sd: f32,
-    pub(super) noise2: f32,
-    /// Judged driving since the block before, in hours.
-    pub(super) hours: f32,
-    pub(super) of_leakage: [f32; LEAKAGE_SIGNATURES],
-    pub(super) of_others: [f32; OTHER_SIGNATURES],
-    pub(super) unexplained: f32,
-    /// What each cause explains of the deficits since the change, in units of chi-squared.
-    pub(super) explained: [f32; CAUSES],
-    /// Difference of that from which a cause is ruled out.
-    pub(super) ruled_out: f32,
+pub struct BlockUpdate {
+    /// From `Compare` to all stages after it.
+    pub regression: BlockRegression,
+    /// Deviation in units of level: innovation, from `Innovate` to `TestStep` and `ReportStep`; once a drift is
+    /// detected, distance from the reference, from `TestDrift` to `ReportDrift`.
+    pub deviation: f32,
+    /// From `Innovate` to `TestStep`.
+    pub spread: DeviationSpread,
+    /// Driving since the last used block, in hours, from `Compare` to `Forget`.
+    pub hours: f32,
+    /// From `SignLeakage` to `Regress`.
+    pub leakage_signatures: [f32; LEAKAGE_SIGNATURES],
+    /// From `SignOthers` to `Regress`.
+    pub other_signatures: [f32; OTHER_SIGNATURES],
+    /// Residual that the parameters before the last change leave, from `SignLeakage` to `Regress` and `Conclude`.
+    pub unexplained: f32,
+    /// From `Weigh` to `Conclude`.
+    pub evidence: CauseEvidence,
 }
 
-impl Used {
-    /// No block so far.
-    pub(super) const fn new() -> Self {
+impl BlockUpdate {
+    /// Hand-offs before the first block.
+    pub const fn new() -> Self {
         Self {
-            per_level: 0.0,
-            phi: [0.0; PARAMETERS],
-            noise_variance: 1.0,
-            error: 0.0,
-            learned_sd: 0.0,
-            noise2: 1.0,
+            regression: BlockRegression::new(),
+            deviation: 0.0,
+            spread: DeviationSpread::new(),
             hours: 0.0,
-            of_leakage: [0.0; LEAKAGE_SIGNATURES],
-            of_others: [0.0; OTHER_SIGNATURES],
+            leakage_signatures: [0.0; LEAKAGE_SIGNATURES],
+            other_signatures: [0.0; OTHER_SIGNATURES],
             unexplained: 0.0,
-            explained: [0.0; CAUSES],
-            ruled_out: 0.0,
+            evidence: CauseEvidence::new(),
         }
     }
 }

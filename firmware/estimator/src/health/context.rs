@@ -1,13 +1,13 @@
-//! What health monitoring borrows of the checked parameters.
+//! Context of health monitoring: the part of the checked parameters that it borrows.
 
 use super::params::HealthParams;
 use crate::model::calibrated_model::CalibratedModel;
 
-/// Checked settings of health monitoring and the equations of the machine, borrowed for one sample.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct HealthContext<'a> {
-    /// Checked settings.
-    pub params: &'a HealthParams,
+/// Parameters of health monitoring and the equations of the machine.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct HealthContext {
+    /// Checked parameters of health monitoring.
+    pub params: HealthParams,
     /// Flow balance and leakage law.
-    pub model: &'a CalibratedModel,
+    pub model: CalibratedModel,
 }

@@ -1,66 +1,81 @@
-//! Steps of the level: a two-sided cumulative sum of log-likelihood ratios (Page 1954).
+//! Detection of steps by a two-sided cumulative sum of log-likelihood ratios (CUSUM; Page 1954).
 //!
-//! Against "nothing changed" stands "the level has changed by twice what is worth a report", so that the sum rises only
-//! for changes above what is worth a report. A block's part is divided by the number of blocks that share one misfit, since
-//! only so many blocks are one decision. A sum of independent log-likelihood ratios reaches `h` by chance after `exp(h)`
-//! decisions at the earliest on average (Lorden 1971), so `h` follows from the stated run length. `docs/health/theory.md`.
+//! The hypothesis "the level has changed by `mu`" is tested against "unchanged", with `mu` twice the change worth a
+//! report, so that the sum rises only for changes above the latter. Per block, with innovation `e` and noise variance
+//! `v`:
+//!
+//! ```text
+//! S := max(0, S + mu (|e| - mu/2 - 2 s_e)/v)
+//! ```
+//!
+//! `s_e` is the standard error of `e` by the learned parameters. The variance of a block is multiplied by the number of
+//! blocks that share one misfit, since only so many blocks are one independent decision. A sum of independent
+//! log-likelihood ratios reaches a threshold `h` by chance after `exp(h)` decisions at the earliest on average (Lorden
+//! 1971), so `h` follows from the stated false-alarm interval (average run length to a false alarm, ARL0). Derived in
+//! `docs/health.md`.
 
 use serde::{Deserialize, Serialize};
 
+use super::tuning::{CUSUM_LIMIT_MIN, DESIGN_CHANGES, LEARNED_SIGMAS, PLATEAU_BLOCKS_MIN, PLATEAU_LIMITS};
 use crate::calibration::HealthConfig;
 
-/// What follows from the settings.
+/// Thresholds that follow from the configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepThresholds {
-    /// Sum at which a step is reported.
+pub struct CusumThresholds {
+    /// Threshold `h` at which a step is reported.
     limit: f32,
-    /// Largest part of one block: half of the blocks of a plateau must agree before anything is reported.
+    /// Largest contribution of one block.
     largest: f32,
-    /// Change for which the sum is the best, in units of level.
+    /// Change `mu` for which the sum is optimal, in units of level.
     design: f32,
 }
 
-impl StepThresholds {
-    /// Thresholds of checked settings.
+impl CusumThresholds {
+    /// Thresholds for a checked configuration.
     pub fn new(config: &HealthConfig) -> Self {
         let block_h = config.block_us as f32 / 3.6e9;
-        let decisions = config.run_length_h / (block_h * config.misfit_blocks);
-        // Both sides together; at least e^3, below which it would answer to single plateaus.
-        let limit = libm::logf(2.0 * decisions).max(3.0);
+        let decisions = config.false_alarm_interval_h / (block_h * config.misfit_blocks);
+        // Both sides together.
+        let limit = libm::logf(2.0 * decisions).max(CUSUM_LIMIT_MIN);
         Self {
             limit,
-            largest: 2.0 * limit / config.misfit_blocks.max(4.0),
-            design: 2.0 * config.report_change,
+            largest: PLATEAU_LIMITS * limit / config.misfit_blocks.max(PLATEAU_BLOCKS_MIN),
+            design: DESIGN_CHANGES * config.report_change,
         }
     }
 }
 
-/// The sums upwards and downwards.
+/// Two-sided cumulative sum.
+#[doc(alias = "CUSUM")]
+#[doc(alias = "cumulative sum")]
+#[doc(alias = "Page test")]
+#[doc(alias = "Page-Hinkley")]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct StepWatch {
+pub struct Cusum {
     up: f32,
     down: f32,
 }
 
-impl StepWatch {
-    /// Nothing summed yet.
+impl Cusum {
+    /// Sums at zero.
     pub const fn new() -> Self {
         Self { up: 0.0, down: 0.0 }
     }
 
-    /// Takes a block: its innovation, that innovation's noise variance per decision, and what the uncertainty of the
-    /// learned parameters may have done to it (1 sigma), all in units of level. True when a step is to be reported; the
-    /// sums then start anew.
-    pub fn takes(&mut self, thresholds: &StepThresholds, error: f32, noise2: f32, learned_sd: f32) -> bool {
+    /// Updates the sums with a block; true when a step is to be reported, after which the sums restart at zero.
+    ///
+    /// `error` is the block's innovation, `noise2` its noise variance per decision, and `learned_sd` the standard error
+    /// of the prediction by the learned parameters, all in units of level.
+    pub fn update(&mut self, thresholds: &CusumThresholds, error: f32, noise2: f32, learned_sd: f32) -> bool {
         let scale = thresholds.design / noise2;
-        let allowance = 0.5 * thresholds.design + 2.0 * learned_sd;
-        let most = thresholds.largest;
-        // Not `clamp`, which panics on bounds that are no numbers.
-        let part = |side: f32| (scale * (side * error - allowance)).max(-most).min(most);
-        let summed = |sum: f32| if sum > 0.0 { sum } else { 0.0 };
-        self.up = summed(self.up + part(1.0));
-        self.down = summed(self.down + part(-1.0));
+        let allowance = 0.5 * thresholds.design + LEARNED_SIGMAS * learned_sd;
+        let largest = thresholds.largest;
+        // Not `clamp`, which panics on NaN bounds.
+        let contribution = |side: f32| (scale * (side * error - allowance)).max(-largest).min(largest);
+        let non_negative = |sum: f32| if sum > 0.0 { sum } else { 0.0 };
+        self.up = non_negative(self.up + contribution(1.0));
+        self.down = non_negative(self.down + contribution(-1.0));
         let found = self.up >= thresholds.limit || self.down >= thresholds.limit;
         if found {
             *self = Self::new();
@@ -72,23 +87,6 @@ impl StepWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::{Celsius, Megapascal, Ratio, RevPerMin};
-
-    fn config() -> HealthConfig {
-        HealthConfig {
-            block_us: 500_000,
-            law_misfit: 0.02,
-            misfit_blocks: 15.0,
-            ratio_noise: 7e-4,
-            level_drift_per_h: 0.01,
-            report_change: 0.05,
-            run_length_h: 1e5,
-            limit_level: Ratio(2.0),
-            rated_speed: RevPerMin(2000.0),
-            rated_pressure: Megapascal(35.0),
-            rated_temperature: Celsius(60.0),
-        }
-    }
 
     /// Uniform noise whose standard deviation is 1, the same in every run.
     fn noise(state: &mut u64) -> f32 {
@@ -97,14 +95,17 @@ mod tests {
     }
 
     /// Blocks until a report, with a misfit that stays the same for fifteen blocks; at most `longest`.
-    fn run(limit_h: f32, mean: f32, misfit: f32, longest: u32) -> u32 {
-        let thresholds = StepThresholds::new(&HealthConfig { run_length_h: limit_h, ..config() });
-        let (mut watch, mut state, mut held) = (StepWatch::new(), 1, 0.0);
+    fn blocks_until_report(interval_h: f32, mean: f32, misfit: f32, longest: u32) -> u32 {
+        let thresholds = CusumThresholds::new(&HealthConfig {
+            false_alarm_interval_h: interval_h,
+            ..HealthConfig::DEFAULT
+        });
+        let (mut cusum, mut state, mut held) = (Cusum::new(), 1, 0.0);
         for i in 0..longest {
             if i % 15 == 0 {
                 held = misfit * noise(&mut state);
             }
-            if watch.takes(&thresholds, mean + held, 15.0 * 0.02 * 0.02, 0.0) {
+            if cusum.update(&thresholds, mean + held, 15.0 * 0.02 * 0.02, 0.0) {
                 return i;
             }
         }
@@ -112,19 +113,19 @@ mod tests {
     }
 
     #[test]
-    fn val_run_length_is_at_least_the_stated_one_although_blocks_share_their_misfit() {
+    fn val_false_alarm_interval_is_at_least_the_stated_one_although_blocks_share_their_misfit() {
         // One hour is 480 decisions of fifteen blocks. At the smallest change that must not be reported, half of the
         // design change, the sum has no drift; noise alone must not report it in the stated time.
-        assert_eq!(run(1000.0, 0.0, 0.02, 1000 * 7200), 1000 * 7200);
+        assert_eq!(blocks_until_report(1000.0, 0.0, 0.02, 1000 * 7200), 1000 * 7200);
     }
 
     #[test]
     fn change_worth_a_report_is_found_within_a_minute_and_a_wild_block_alone_never() {
         // Twice the change that is worth a report: h = 18 at (0.1 - 0.05)*0.1/0.006 = 0.83 per block are 22 blocks.
-        assert!((15..60).contains(&run(1e5, 0.1, 0.02, 10_000)));
-        let thresholds = StepThresholds::new(&config());
-        let mut watch = StepWatch::new();
-        assert!(!watch.takes(&thresholds, 1e9, 0.006, 0.0));
-        assert!(!(0..1000).any(|_| watch.takes(&thresholds, 0.0, 0.006, 0.0)));
+        assert!((15..60).contains(&blocks_until_report(1e5, 0.1, 0.02, 10_000)));
+        let thresholds = CusumThresholds::new(&HealthConfig::DEFAULT);
+        let mut cusum = Cusum::new();
+        assert!(!cusum.update(&thresholds, 1e9, 0.006, 0.0));
+        assert!(!(0..1000).any(|_| cusum.update(&thresholds, 0.0, 0.006, 0.0)));
     }
 }

@@ -1,127 +1,150 @@
-//! What follows a change: its causes, the suspicion of a sensor, and the troubles that are told to people.
+//! Diagnosis after a detected change: possible causes, suspicion of a sensor, and the debounced diagnostic faults.
 
 use serde::{Deserialize, Serialize};
 
-use super::fault_debounce::Trouble;
-use super::fault_isolation::{CAUSES, Causes, Diagnosis, remaining, ruled_out_after};
-use super::status::Change;
+use super::fault_debounce::DiagnosticFault;
+use super::fault_isolation::{CAUSE_COUNT, CauseRegression, Causes, exclusion_threshold, possible_causes};
+use super::status::LevelChange;
+use super::tuning::RECOVERY_BLOCKS;
 use super::ud_rls::PARAMETERS;
-use crate::units::{Micros, Ratio};
+use crate::units::Micros;
 
-/// Blocks as before the change that end the suspicion of a sensor: some minutes.
-const RECOVERY_BLOCKS: u16 = 300;
-
-/// What the causes mean for the learned state.
+/// Consequence of the possible causes for the learned parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// Nothing new.
+pub enum ParameterAction {
+    /// As before.
     Unchanged,
-    /// A sensor, not the machine, has changed: what was learned before the change holds again.
-    SensorSuspected,
-    /// More operating points have brought leakage back among the causes.
-    SensorCleared,
+    /// The parameters before the change hold again: a sensor, not the machine, has changed, or a suspected one has
+    /// recovered.
+    RestoreParameters,
+    /// The level may change: more operating points have brought leakage back among the causes.
+    ReleaseLevel,
 }
 
-/// The last change, and what has been made of it.
+/// What the possible causes explain of the residuals since the last change, and when a cause is excluded.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CauseEvidence {
+    /// Reduction of chi-squared by each cause.
+    pub explained: [f32; CAUSE_COUNT],
+    /// Difference of that from the best cause at which a cause is excluded.
+    pub threshold: f32,
+}
+
+impl CauseEvidence {
+    /// Evidence before the first change.
+    pub const fn new() -> Self {
+        Self { explained: [0.0; CAUSE_COUNT], threshold: 0.0 }
+    }
+}
+
+/// Diagnosis of the last change.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Judge {
+pub struct Diagnosis {
+    /// Number of changes so far.
     pub changes: u16,
+    /// The last change.
     pub last: Option<LevelChange>,
-    /// Parameters before the last change, against which its causes are told apart.
+    /// Parameters before the last change, against which its causes are isolated.
     pub before: [f32; PARAMETERS],
-    diagnosis: Diagnosis,
+    regression: CauseRegression,
+    /// Causes that remain possible.
     pub causes: Causes,
+    /// Whether a sensor is suspected.
     pub suspect: bool,
-    /// Blocks, while a sensor is suspected, in which the deficit was as before the change.
+    /// Blocks, while a sensor is suspected, in which the residual was as before the change.
     as_before: u16,
-    pub wear: Trouble,
-    pub sensor: Trouble,
+    /// Diagnostic fault "wear".
+    pub wear: DiagnosticFault,
+    /// Diagnostic fault "sensor".
+    pub sensor: DiagnosticFault,
 }
 
-impl Judge {
-    /// No change so far.
+impl Diagnosis {
+    /// Diagnosis without a change.
     pub const fn new() -> Self {
         Self {
             changes: 0,
             last: None,
             before: [0.0; PARAMETERS],
-            diagnosis: Diagnosis::new(),
+            regression: CauseRegression::new(),
             causes: Causes::none(),
             suspect: false,
             as_before: 0,
-            wear: Trouble::new(),
-            sensor: Trouble::new(),
+            wear: DiagnosticFault::new(),
+            sensor: DiagnosticFault::new(),
         }
     }
 
-    /// Takes note of a change; `theta` are the parameters at that time, of which the first was `from` before.
-    pub fn found(&mut self, change: Change, theta: [f32; PARAMETERS], from: f32) {
+    /// Starts the diagnosis of a change; `theta` are the parameters at that time, of which the first was
+    /// `level_before`.
+    pub fn start(&mut self, change: LevelChange, theta: [f32; PARAMETERS], level_before: f32) {
         self.changes = self.changes.saturating_add(1);
         self.last = Some(change);
         self.before = theta;
         let [level, ..] = &mut self.before;
-        *level = from;
-        self.diagnosis = Diagnosis::new();
+        *level = level_before;
+        self.regression = CauseRegression::new();
         self.causes = Causes::none();
     }
 
-    /// A change at a time.
-    pub fn change(time: Micros, from: f32, to: f32, step: bool) -> Change {
-        Change { time, from: Ratio(1.0 + from), to: Ratio(1.0 + to), step }
-    }
-
-    /// Takes the deficit of a block that the parameters before the change leave unexplained.
+    /// Adds a block: its signatures, the residual that the parameters before the change leave, and its noise variance.
     #[inline(never)]
-    pub fn regress(&mut self, signatures: &[f32; CAUSES], unexplained: f32, noise_variance: f32) {
-        self.diagnosis.takes(signatures, unexplained, noise_variance);
+    pub fn push(&mut self, signatures: &[f32; CAUSE_COUNT], unexplained: f32, noise_variance: f32) {
+        self.regression.push(signatures, unexplained, noise_variance);
     }
 
-    /// What each cause explains so far.
+    /// Reduction of chi-squared by each cause so far.
     #[inline(never)]
-    pub fn explained(&self) -> [f32; CAUSES] {
-        self.diagnosis.explained()
+    pub fn explained(&self) -> [f32; CAUSE_COUNT] {
+        self.regression.explained()
     }
 
-    /// Difference in fit from which a cause is ruled out by now; a block is `per_block` decisions.
-    pub fn ruled_out(&self, per_block: f32) -> f32 {
-        ruled_out_after(per_block * self.diagnosis.weight())
+    /// Present exclusion threshold; a block is `per_block` decisions.
+    pub fn threshold(&self, per_block: f32) -> f32 {
+        exclusion_threshold(per_block * self.regression.weight())
     }
 
-    /// Finds the causes that remain, once `judge_blocks` blocks have been taken.
-    pub fn explain(&mut self, explained: &[f32; CAUSES], ruled_out: f32, judge_blocks: u16) {
-        if self.diagnosis.blocks() >= u32::from(judge_blocks) {
-            self.causes = remaining(explained, ruled_out);
+    /// Updates the possible causes, once `diagnosis_blocks` blocks have been added.
+    pub fn update_causes(&mut self, evidence: &CauseEvidence, diagnosis_blocks: u16) {
+        if self.regression.blocks() >= u32::from(diagnosis_blocks) {
+            self.causes = possible_causes(&evidence.explained, evidence.threshold);
         }
     }
 
-    /// Judges what the causes mean after a block; `unexplained_level` is that block's deficit in units of level, `judge_blocks` the
-    /// number of blocks from which causes are judged.
-    pub fn judge(&mut self, unexplained_level: f32, report_change: f32, judge_blocks: u16) -> Verdict {
+    /// Updates the suspicion of a sensor after a block; `unexplained_level` is that block's residual in units of level,
+    /// `diagnosis_blocks` the number of blocks from which causes are isolated.
+    pub fn update_suspicion(
+        &mut self,
+        unexplained_level: f32,
+        report_change: f32,
+        diagnosis_blocks: u16,
+    ) -> ParameterAction {
         if self.changes == 0 {
-            return Verdict::Unchanged;
+            return ParameterAction::Unchanged;
         }
         if self.suspect && self.recovered(unexplained_level, report_change) {
             self.suspect = false;
             self.causes = Causes::none();
-            return Verdict::SensorSuspected;
+            return ParameterAction::RestoreParameters;
         }
-        if self.diagnosis.blocks() < u32::from(judge_blocks) {
-            return Verdict::Unchanged;
+        if self.regression.blocks() < u32::from(diagnosis_blocks) {
+            return ParameterAction::Unchanged;
         }
         if self.causes.no_leakage() && !self.suspect {
             self.suspect = true;
             self.as_before = 0;
-            return Verdict::SensorSuspected;
+            return ParameterAction::RestoreParameters;
         }
         if self.suspect && !self.causes.no_leakage() {
             self.suspect = false;
-            return Verdict::SensorCleared;
+            return ParameterAction::ReleaseLevel;
         }
-        Verdict::Unchanged
+        ParameterAction::Unchanged
     }
 
-    /// Whether the deficit has been as before the change for long enough to end the suspicion of a sensor.
+    /// Whether the residual has been as before the change for long enough to end the suspicion of a sensor.
     fn recovered(&mut self, unexplained_level: f32, report_change: f32) -> bool {
         if unexplained_level.abs() < report_change {
             self.as_before = self.as_before.saturating_add(1);
@@ -131,10 +154,10 @@ impl Judge {
         self.as_before >= RECOVERY_BLOCKS
     }
 
-    /// Counts a block for or against each trouble; `level_up` when the machine leaks more than when it was calibrated.
-    pub fn count(&mut self, time: Micros, level_up: bool, judge_blocks: u16) {
-        let known = self.diagnosis.blocks() >= u32::from(judge_blocks);
-        self.wear.takes(time, known && self.causes.only_leakage() && level_up);
-        self.sensor.takes(time, known && self.suspect);
+    /// Counts a block for or against both faults; `level_up` when the machine leaks more than when it was calibrated.
+    pub fn debounce(&mut self, time: Micros, level_up: bool, diagnosis_blocks: u16) {
+        let known = self.regression.blocks() >= u32::from(diagnosis_blocks);
+        self.wear.update(time, known && self.causes.only_leakage() && level_up);
+        self.sensor.update(time, known && self.suspect);
     }
 }

@@ -1,68 +1,72 @@
-//! Diagnostic trouble: pending, confirmed, healed and aged, as on-board diagnostics count it.
+//! Debouncing of diagnostic faults: pending, confirmed, healed and aged, as on-board diagnostics count them
+//! (SAE J1939-73, ISO 14229-1).
 
 use serde::{Deserialize, Serialize};
 
+use super::tuning::{AGE_COUNT, CONFIRM_COUNT, HEAL_COUNT};
 use crate::units::Micros;
 
-/// Decisions in favour before a pending trouble is confirmed.
-const CONFIRM: u8 = 10;
-/// Decisions against before a confirmed trouble is healed.
-const HEAL: u8 = 100;
-/// Healed decisions, in units of 1000, after which the memory of it goes.
-const AGE: u16 = 1000;
-
-/// Where a trouble stands.
+/// Status of a diagnostic fault.
+#[doc(alias = "diagnostic trouble code")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Stage {
-    /// Never seen, or aged out.
+pub enum DtcStatus {
+    /// Never detected, or aged out.
     #[default]
     Absent,
-    /// Seen, not yet confirmed.
+    /// Detected, not yet confirmed.
     Pending,
     /// Confirmed: the lamp is on.
     Confirmed,
-    /// Was confirmed and is no longer seen; remembered until it has aged.
+    /// Confirmed earlier and no longer detected; stored until it has aged.
     Healed,
 }
 
-/// One trouble with its history.
+/// One diagnostic fault with its history.
+#[doc(alias = "DTC")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Trouble {
-    /// Where it stands.
-    pub stage: Stage,
-    /// How often it was confirmed.
+pub struct DiagnosticFault {
+    /// Present status.
+    pub status: DtcStatus,
+    /// Number of times it was confirmed.
     pub occurrences: u8,
-    /// When it was first confirmed.
+    /// Time at which it was first confirmed.
     pub first: Micros,
-    /// When it was last confirmed.
+    /// Time at which it was last confirmed.
     pub last: Micros,
     counter: u8,
     age: u32,
 }
 
-impl Trouble {
-    /// Never seen.
+impl DiagnosticFault {
+    /// Fault that was never detected.
     #[must_use]
     pub const fn new() -> Self {
-        Self { stage: DtcStatus::Absent, occurrences: 0, first: Micros(0), last: Micros(0), counter: 0, age: 0 }
+        Self {
+            status: DtcStatus::Absent,
+            occurrences: 0,
+            first: Micros(0),
+            last: Micros(0),
+            counter: 0,
+            age: 0,
+        }
     }
 
-    /// Takes one decision.
-    pub fn takes(&mut self, time: Micros, present: bool) {
-        match (self.stage, present) {
+    /// Counts one decision for or against the fault.
+    pub fn update(&mut self, time: Micros, present: bool) {
+        match (self.status, present) {
             (DtcStatus::Absent | DtcStatus::Healed, true) => {
-                self.stage = DtcStatus::Pending;
+                self.status = DtcStatus::Pending;
                 self.counter = 1;
             }
             (DtcStatus::Pending, true) => {
                 self.counter = self.counter.saturating_add(1);
-                if self.counter >= CONFIRM {
+                if self.counter >= CONFIRM_COUNT {
                     if self.occurrences == 0 {
                         self.first = time;
                     }
-                    self.stage = DtcStatus::Confirmed;
+                    self.status = DtcStatus::Confirmed;
                     self.occurrences = self.occurrences.saturating_add(1);
                     self.last = time;
                     self.counter = 0;
@@ -71,7 +75,7 @@ impl Trouble {
             (DtcStatus::Pending, false) => {
                 self.counter = self.counter.saturating_sub(1);
                 if self.counter == 0 {
-                    self.stage = if self.occurrences > 0 { DtcStatus::Healed } else { DtcStatus::Absent };
+                    self.status = if self.occurrences > 0 { DtcStatus::Healed } else { DtcStatus::Absent };
                 }
             }
             (DtcStatus::Confirmed, true) => {
@@ -80,14 +84,14 @@ impl Trouble {
             }
             (DtcStatus::Confirmed, false) => {
                 self.counter = self.counter.saturating_add(1);
-                if self.counter >= HEAL {
-                    self.stage = DtcStatus::Healed;
+                if self.counter >= HEAL_COUNT {
+                    self.status = DtcStatus::Healed;
                     self.age = 0;
                 }
             }
             (DtcStatus::Healed, false) => {
                 self.age = self.age.saturating_add(1);
-                if self.age >= 1000 * u32::from(AGE) {
+                if self.age >= AGE_COUNT {
                     *self = Self::default();
                 }
             }
@@ -101,22 +105,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn trouble_is_debounced_confirmed_healed_and_aged() {
-        let mut trouble = Trouble::default();
+    fn fault_is_debounced_confirmed_healed_and_aged() {
+        let mut fault = DiagnosticFault::default();
         for i in 0..5 {
-            trouble.takes(Micros(i), true);
+            fault.update(Micros(i), true);
         }
-        assert_eq!(trouble.stage, DtcStatus::Pending);
-        (0..5).for_each(|_| trouble.takes(Micros(9), false));
-        assert_eq!(trouble.stage, DtcStatus::Absent);
-        (0..10).for_each(|i| trouble.takes(Micros(20 + i), true));
-        assert_eq!((trouble.stage, trouble.occurrences, trouble.first), (DtcStatus::Confirmed, 1, Micros(29)));
-        (0..100).for_each(|_| trouble.takes(Micros(50), false));
-        assert_eq!(trouble.stage, DtcStatus::Healed);
-        (0..10).for_each(|_| trouble.takes(Micros(60), true));
-        assert_eq!((trouble.stage, trouble.occurrences, trouble.last), (DtcStatus::Confirmed, 2, Micros(60)));
-        (0..100).for_each(|_| trouble.takes(Micros(70), false));
-        (0..1_000_000).for_each(|_| trouble.takes(Micros(80), false));
-        assert_eq!(trouble, Trouble::default());
+        assert_eq!(fault.status, DtcStatus::Pending);
+        (0..5).for_each(|_| fault.update(Micros(9), false));
+        assert_eq!(fault.status, DtcStatus::Absent);
+        (0..10).for_each(|i| fault.update(Micros(20 + i), true));
+        assert_eq!((fault.status, fault.occurrences, fault.first), (DtcStatus::Confirmed, 1, Micros(29)));
+        (0..100).for_each(|_| fault.update(Micros(50), false));
+        assert_eq!(fault.status, DtcStatus::Healed);
+        (0..10).for_each(|_| fault.update(Micros(60), true));
+        assert_eq!((fault.status, fault.occurrences, fault.last), (DtcStatus::Confirmed, 2, Micros(60)));
+        (0..100).for_each(|_| fault.update(Micros(70), false));
+        (0..1_000_000).for_each(|_| fault.update(Micros(80), false));
+        assert_eq!(fault, DiagnosticFault::default());
     }
 }

@@ -1,28 +1,28 @@
-//! Health: what the leakage has become, slowly learned while driving, and whether it has changed.
+//! Health monitoring: recursive estimation of the leakage level, change detection, fault isolation, prognosis.
 //!
-//! Every valid sample goes into a block (`block`); a block passes the gate when speed, pressure, displacement and ratio
-//! are steady (`gate`, `steady`). The deficit of ratio of a block is explained by four parameters, learned recursively
-//! (`ud`):
+//! Every valid sample contributes to a block mean (`averaging`); a block is used when speed, pressure, displacement and
+//! ratio are steady (`steady_gate`, `r_statistic`). The ratio residual of a block is modelled by four parameters
+//! (`block_regression`), estimated by recursive least squares (`ud_rls`):
 //!
 //! * the level: leakage over the law's, less 1. It may change, so it is forgotten slowly;
-//! * a factor on the ratio: displacement or speed scale, constant. It would otherwise look like a leak that depends on
-//!   pressure: 1 % of ratio is 65 % of Kou at 10 MPa and 14 % at 45;
-//! * slopes of the level with pressure and with temperature, constant: what the law misses of the machine.
+//! * the ratio offset: a constant factor on the ratio, of displacement or speed scale. It would otherwise look like a
+//!   leak that depends on pressure: 1 % of ratio is 65 % of Kou at 10 MPa and 14 % at 45;
+//! * slopes of the level with pressure and with temperature, constant: the law's misfit to this machine.
 //!
-//! The level is watched in two ways: a two-sided cumulative sum of the deficit's innovations finds steps (`step_watch`), the
-//! distance of the learned level from the reference finds drifts (`drift_watch`). A change found is reported, never
-//! silently followed; then the causes are told apart by their signatures (`signature`, `judge`), and only where nothing but
-//! leakage remains is wear confirmed.
+//! Changes of the level are detected in two ways: steps by a two-sided cumulative sum of the innovations (`cusum`),
+//! drifts by the distance of the level from a learned reference (`drift`). A detected change is reported, never
+//! silently followed; then its causes are isolated by their signatures (`fault_isolation`, `diagnosis`), and wear is
+//! confirmed only where nothing but leakage remains possible (`fault_debounce`).
 //!
-//! All of it is fixed in size, bounded in value, and the state can be saved and restored without changing a bit of what
-//! follows ([`crate::record::state`]). The work for a block is spread over the samples after it, one stage each, so that no
-//! sample pays for all of it (`stages`). `docs/health/theory.md` states gate, recursion and thresholds, and what `host-sim evaluate`
-//! measured.
+//! Size and values are bounded, and the state can be saved and restored bit for bit ([`crate::record::state`]). The
+//! work for a block is spread over the samples after it, one stage each (`pipeline`). All constants of judgement are in
+//! `tuning`. Theory and measured performance: `docs/health.md`.
 
 mod averaging;
+mod block_regression;
 mod block_update;
 mod context;
-mod cusum;
+pub mod cusum;
 mod diagnosis;
 mod drift;
 mod fault_debounce;
@@ -30,20 +30,20 @@ mod fault_isolation;
 mod params;
 mod pipeline;
 mod prognosis;
-mod r_statistic;
+pub mod r_statistic;
 mod state;
 mod status;
 mod steady_gate;
 mod tuning;
-mod ud_rls;
+pub mod ud_rls;
 
-pub(crate) use averaging::Terms;
+pub(crate) use averaging::RegressionSample;
 pub(crate) use context::HealthContext;
-pub use fault_debounce::{Stage, Trouble};
-pub use fault_isolation::{CAUSES, Cause, Causes};
-pub(crate) use params::MachineParts;
+pub use fault_debounce::{DiagnosticFault, DtcStatus};
+pub use fault_isolation::{CAUSE_COUNT, Cause, Causes};
+pub(crate) use params::HealthInputs;
 pub use params::{HealthParams, Severity};
-pub use prognosis::{Remaining, Slope};
+pub use prognosis::{RemainingLife, Slope};
 pub use state::HealthState;
-pub use status::{Change, Health};
-pub use steady_gate::Closed;
+pub use status::{Health, LevelChange};
+pub use steady_gate::GateClosed;

@@ -1,77 +1,69 @@
-//! Settings of health: as written, as checked, and what follows from them for one machine.
+//! Checked parameters of health monitoring, and what follows from them for one inputs.
 
 use serde::{Deserialize, Serialize};
 
-use super::averaging::Terms;
-use super::cusum::StepThresholds;
-use super::fault_isolation::signatures_of_others;
+use super::averaging::RegressionSample;
+use super::cusum::CusumThresholds;
+use super::fault_isolation::other_signatures;
+use super::tuning::{DIAGNOSIS_DECISIONS, MISFIT_SHARE, OFFSET_VARIANCE_MIN, START_HOLDOFF_DECISIONS};
 use crate::calibration::error::{CalibrationError, consistent};
 use crate::calibration::{HealthConfig, Limits, SensorErrors};
 use crate::model::calibrated_model::CalibratedModel;
 use crate::model::flow_balance::OperatingPoint;
 use crate::units::{LeakageCoefficient, LitrePerMin, Megapascal, Ratio};
 
-/// What of a machine health depends on.
-pub(crate) struct MachineParts<'a> {
+/// Parts of a calibration from which the parameters of health monitoring follow.
+pub(crate) struct HealthInputs<'a> {
+    /// Flow balance and leakage law.
     pub model: &'a CalibratedModel,
+    /// Standard errors of the sensors.
     pub errors: &'a SensorErrors,
+    /// Operating limits of the estimator.
     pub limits: &'a Limits,
+    /// Pressure of the low line where it is not measured.
     pub low_pressure: Megapascal,
 }
 
-/// Checked settings of one machine, with what follows from them.
+/// Checked configuration of health monitoring, with thresholds and variances derived from it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HealthParams {
     pub(super) config: HealthConfig,
-    pub(super) step: StepThresholds,
-    /// Variance of the level by what no driving averages out, as a quadratic in the level, lowest power first.
+    pub(super) cusum: CusumThresholds,
+    /// Systematic variance of the level, as a quadratic in the level, lowest power first.
     systematic2: [f32; 3],
-    /// Variance of the factor on the ratio before anything was learned.
+    /// Variance of the ratio offset before anything was learned.
     pub(super) offset_variance: f32,
-    /// Blocks after the start before changes are judged, if the level is learned by then.
-    pub(super) settle_blocks: u16,
-    /// Blocks after a change from which its causes are judged; until then no other is.
-    pub(super) judge_blocks: u16,
-    /// Law at the rated point.
+    /// Hold-off after the start, in blocks; prolonged until the level is learned.
+    pub(super) start_holdoff_blocks: u16,
+    /// Hold-off after a change, and number of blocks from which its causes are isolated.
+    pub(super) diagnosis_blocks: u16,
+    /// Leakage coefficient by the law at the rated point, (L/min)/MPa.
     rated_kou: f32,
     rated_leakage_l_min_per_kou: f32,
     rated_ratio_per_kou: f32,
 }
 
-/// Share of the law's misfit that stays in the mean over an hour of driving: a smooth misfit has some three independent
-/// values over the envelope.
-const MISFIT_SHARE: f32 = 0.58;
-
-/// Decisions, that is plateaus, after the start before changes are judged.
-const SETTLE_DECISIONS: f32 = 7.0;
-/// Decisions after a change from which its causes are judged: some five minutes of driving. Fewer operating points do not
-/// tell a slope from a misfit.
-const JUDGE_DECISIONS: f32 = 16.0;
-
-/// Smallest variance of the factor on the ratio: sensors that are declared to be perfect are good to 0.01 %.
-const OFFSET_VARIANCE_MIN: f32 = 1e-8;
-
 impl HealthParams {
-    /// Checks the settings against the machine.
+    /// Checks the configuration against the machine and derives the parameters.
     ///
     /// # Errors
     /// The first field that is inconsistent with the machine; ranges have been checked before.
-    pub(crate) fn new(config: &HealthConfig, machine: &MachineParts<'_>) -> Result<Self, CalibrationError> {
-        let above = config.rated_pressure.get() - machine.low_pressure.get();
-        let loaded = above >= machine.limits.min_pressure_difference.get();
+    pub(crate) fn new(config: &HealthConfig, inputs: &HealthInputs<'_>) -> Result<Self, CalibrationError> {
+        let above = config.rated_pressure.get() - inputs.low_pressure.get();
+        let loaded = above >= inputs.limits.min_pressure_difference.get();
         consistent("health.rated_p_h_mpa", loaded, "is not above the low pressure by what counts as loaded")?;
         let at = OperatingPoint {
             pump_speed: config.rated_speed,
             high_pressure: config.rated_pressure,
-            low_pressure: machine.low_pressure,
+            low_pressure: inputs.low_pressure,
             oil_temperature: config.rated_temperature,
             displacement: Ratio(1.0),
         };
-        let law = &machine.model.law;
+        let law = &inputs.model.law;
         let kou = law.evaluate(law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature));
-        let balance = machine.model.reduced.balance(&at);
-        let mean = Terms {
-            deficit: 0.0,
+        let balance = inputs.model.reduced.balance(&at);
+        let mean = RegressionSample {
+            ratio_residual: 0.0,
             ratio_per_kou: 1.0 / balance.kou_per_ratio(),
             kou_law: kou.get(),
             ratio: balance.ratio(kou).get(),
@@ -82,13 +74,13 @@ impl HealthParams {
             chi: balance.compression_loss().get(),
         };
         let per_level = mean.ratio_per_kou * mean.kou_law;
-        // An error of pressure or temperature acts through compression, whatever leaks, and through the leakage, in
-        // proportion to the level: where leakage cannot be seen in the ratio, only compression remains.
-        let without = Terms { ratio_per_kou: 0.0, ..mean };
-        let [pressure_0, temperature_0, ..] = signatures_of_others(&machine.model.reduced, law, &without);
-        let [pressure_1, temperature_1, ..] = signatures_of_others(&machine.model.reduced, law, &mean);
-        let by_pressure = machine.errors.high_pressure_relative * config.rated_pressure.get() / per_level;
-        let by_temperature = machine.errors.oil_temperature.get() / per_level;
+        // An error of pressure or temperature acts through compression, independent of leakage, and through the
+        // leakage, in proportion to the level: with zero sensitivity to leakage only compression remains.
+        let without = RegressionSample { ratio_per_kou: 0.0, ..mean };
+        let [pressure_0, temperature_0, ..] = other_signatures(&inputs.model.reduced, law, &without);
+        let [pressure_1, temperature_1, ..] = other_signatures(&inputs.model.reduced, law, &mean);
+        let by_pressure = inputs.errors.high_pressure_relative * config.rated_pressure.get() / per_level;
+        let by_temperature = inputs.errors.oil_temperature.get() / per_level;
         let mut systematic2 = [0.0, 0.0, MISFIT_SHARE * config.law_misfit * MISFIT_SHARE * config.law_misfit];
         for (constant, with_level) in [
             (by_pressure * pressure_0, by_pressure * (pressure_1 - pressure_0)),
@@ -101,28 +93,29 @@ impl HealthParams {
         }
         let sound = systematic2.iter().all(|s| s.is_finite()) && kou.get() > 0.0 && mean.ratio > 0.0;
         consistent("health.rated_n_p_rpm", sound, "the law is not positive at the rated point")?;
-        let offset = machine.errors.ratio_relative;
+        let offset = inputs.errors.ratio_relative;
         Ok(Self {
             config: *config,
-            step: StepThresholds::new(config),
+            cusum: CusumThresholds::new(config),
             systematic2,
             offset_variance: (offset * offset).max(OFFSET_VARIANCE_MIN),
-            settle_blocks: (SETTLE_DECISIONS * config.misfit_blocks) as u16,
-            judge_blocks: (JUDGE_DECISIONS * config.misfit_blocks) as u16,
+            start_holdoff_blocks: (START_HOLDOFF_DECISIONS * config.misfit_blocks) as u16,
+            diagnosis_blocks: (DIAGNOSIS_DECISIONS * config.misfit_blocks) as u16,
             rated_kou: kou.get(),
             rated_leakage_l_min_per_kou: balance.leakage(LeakageCoefficient(1.0)).get(),
             rated_ratio_per_kou: mean.ratio_per_kou,
         })
     }
 
-    /// Variance of a level by what no driving averages out: errors of pressure and temperature, misfit of the law.
+    /// Systematic variance of the level, which no driving averages out: errors of pressure and temperature, misfit of
+    /// the law.
     #[inline(always)]
     pub(super) fn systematic_variance(&self, level: f32) -> f32 {
         let [s0, s1, s2] = self.systematic2;
         s0 + level * (s1 + level * s2)
     }
 
-    /// What a level of leakage, over the law's, means at the rated point.
+    /// Severity of a level at the rated point.
     #[must_use]
     pub fn severity(&self, level: Ratio) -> Severity {
         let kou = level.get() * self.rated_kou;
@@ -134,14 +127,14 @@ impl HealthParams {
         }
     }
 
-    /// The settings.
+    /// The configuration.
     #[must_use]
     pub const fn config(&self) -> &HealthConfig {
         &self.config
     }
 }
 
-/// What a level of leakage means, in terms of the drive.
+/// Severity of a level of leakage in terms of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Severity {

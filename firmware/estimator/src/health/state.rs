@@ -1,47 +1,44 @@
-//! The learned state: what it holds, what it tells, and how samples get into it.
-//!
-//! A sample is added to the block being filled. When a block is full it waits for its stages (`stages`), one with each of
-//! the following samples, while the next one fills; a block that is full before its predecessor is done goes on filling.
-//! So a slow sample rate makes longer blocks, and no sample costs more than one stage.
+//! Learned state of health monitoring.
 
 use serde::{Deserialize, Serialize};
 
 use super::averaging::{Accumulator, Block};
-use super::block_update::{Stage, Used};
-use super::cusum::StepWatch;
-use super::diagnosis::Judge;
-use super::drift::DriftWatch;
-use super::fault_debounce::Trouble;
+use super::block_update::{BlockUpdate, ProcessingStage};
+use super::cusum::Cusum;
+use super::diagnosis::Diagnosis;
+use super::drift::DriftDetector;
+use super::fault_debounce::DiagnosticFault;
 use super::params::{HealthParams, Severity};
-use super::prognosis::{Remaining, Slope, Trend};
-use super::status::{Change, Health};
-use super::steady_gate::{Closed, Gate};
+use super::prognosis::{LevelTrend, RemainingLife, Slope};
+use super::status::{Health, LevelChange};
+use super::steady_gate::{GateClosed, SteadyGate};
 use super::tuning::LEVEL_SD_START;
 use super::ud_rls::{PARAMETERS, UdFilter};
 use crate::units::Micros;
 
-/// What changes. At most 1 KiB; `Clone` and the saved form keep every bit.
+/// Learned state: at most 1 KiB; `Clone` and the saved form preserve every bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HealthState {
     pub(super) accumulator: Accumulator,
-    pub(super) stage: Stage,
+    pub(super) stage: ProcessingStage,
+    /// Block that is pending.
     pub(super) block: Block,
-    pub(super) used: Used,
-    pub(super) gate: Gate,
-    /// What the gate said of the block that waits.
-    pub(super) passed: Result<(), GateClosed>,
+    pub(super) pending: BlockUpdate,
+    pub(super) gate: SteadyGate,
+    /// Whether the gate admits the pending block.
+    pub(super) admitted: Result<(), GateClosed>,
     pub(super) filter: UdFilter,
-    pub(super) steps: StepWatch,
-    pub(super) drifts: DriftWatch,
-    pub(super) judge: Judge,
-    /// Blocks for which neither steps nor drifts are judged: after the start and after a change.
-    pub(super) settling: u16,
-    /// Time of the last block that was used.
+    pub(super) cusum: Cusum,
+    pub(super) drift: DriftDetector,
+    pub(super) diagnosis: Diagnosis,
+    /// Remaining blocks without tests for steps and drifts: after the start and after a change.
+    pub(super) holdoff_blocks: u16,
+    /// Time of the last used block.
     pub(super) used_at: Option<Micros>,
-    pub(super) trend: Trend,
+    pub(super) trend: LevelTrend,
     pub(super) trend_blocks: u16,
-    pub(super) told: Health,
+    pub(super) status: Health,
 }
 
 impl Default for HealthState {
@@ -51,74 +48,74 @@ impl Default for HealthState {
 }
 
 impl HealthState {
-    /// State of a machine as it was calibrated.
+    /// State of a machine as calibrated.
     #[must_use]
     pub const fn new() -> Self {
         Self {
             accumulator: Accumulator::new(),
-            stage: Stage::Idle,
+            stage: ProcessingStage::Idle,
             block: Block::new(),
-            used: Used::new(),
-            gate: Gate::new(),
-            passed: Err(GateClosed::Filling),
+            pending: BlockUpdate::new(),
+            gate: SteadyGate::new(),
+            admitted: Err(GateClosed::Filling),
             filter: UdFilter::new([0.0; PARAMETERS], [LEVEL_SD_START * LEVEL_SD_START; PARAMETERS]),
-            steps: StepWatch::new(),
-            drifts: DriftWatch::new(),
-            judge: Judge::new(),
-            settling: 0,
+            cusum: Cusum::new(),
+            drift: DriftDetector::new(),
+            diagnosis: Diagnosis::new(),
+            holdoff_blocks: 0,
             used_at: None,
-            trend: Trend::new(),
+            trend: LevelTrend::new(),
             trend_blocks: 0,
-            told: Health::new(),
+            status: Health::new(),
         }
     }
 
     /// The last change that was reported.
     #[must_use]
     pub fn last_change(&self) -> Option<LevelChange> {
-        self.judge.last
+        self.diagnosis.last
     }
 
-    /// The trouble "leaks more than it did", with its history.
+    /// Diagnostic fault "wear" with its history.
     #[must_use]
-    pub fn wear(&self) -> &Trouble {
-        &self.judge.wear
+    pub fn wear(&self) -> &DiagnosticFault {
+        &self.diagnosis.wear
     }
 
-    /// The trouble "a sensor or the oil explains a change", with its history.
+    /// Diagnostic fault "sensor" with its history.
     #[must_use]
-    pub fn sensor(&self) -> &Trouble {
-        &self.judge.sensor
+    pub fn sensor(&self) -> &DiagnosticFault {
+        &self.diagnosis.sensor
     }
 
-    /// Time until the limit of the calibration, once a trend is known.
+    /// Remaining life until the calibration's limit of the level, once a trend is known.
     #[must_use]
-    pub fn remaining(&self, params: &HealthParams) -> Option<Remaining> {
-        self.trend.remaining(self.told.level, params.config.limit_level)
+    pub fn remaining_life(&self, params: &HealthParams) -> Option<RemainingLife> {
+        self.trend.remaining_life(self.status.level, params.config.limit_level)
     }
 
-    /// Slope of the level over hours of judged driving, once a trend is known.
+    /// Slope of the level over hours of driving with the gate open, once a trend is known.
     #[must_use]
     pub fn slope(&self) -> Option<Slope> {
         self.trend.slope()
     }
 
-    /// What the level means at the rated point of the calibration.
+    /// Severity of the level at the calibration's rated point.
     #[must_use]
     pub fn severity(&self, params: &HealthParams) -> Severity {
-        params.severity(self.told.level)
+        params.severity(self.status.level)
     }
 
-    /// Whether every number is finite and the covariance positive definite: a state that was saved sound is sound.
+    /// Whether every number is finite and the covariance positive definite, as in every state that was saved undamaged.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        let numbers = [self.told.level.get(), self.told.level_se.get(), self.told.ratio_offset.get()];
+        let numbers = [self.status.level.get(), self.status.level_se.get(), self.status.ratio_offset.get()];
         self.filter.is_sound() && numbers.iter().all(|n| n.is_finite())
     }
 
-    /// What is known after the last sample.
+    /// Health status after the last sample.
     #[inline(always)]
-    pub(crate) fn told(&self) -> Health {
-        self.told
+    pub(crate) fn status(&self) -> Health {
+        self.status
     }
 }

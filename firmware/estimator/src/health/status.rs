@@ -2,47 +2,47 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::fault_debounce::Stage;
+use super::fault_debounce::DtcStatus;
 use super::fault_isolation::Causes;
-use super::steady_gate::Closed;
+use super::steady_gate::GateClosed;
 use super::tuning::LEVEL_SD_START;
 use crate::units::{Micros, Ratio};
 
-/// A change that was found.
+/// A detected change of the level.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Change {
-    /// When it was found.
+pub struct LevelChange {
+    /// Time of detection.
     pub time: Micros,
-    /// Level before, leakage over the law's.
+    /// Level before: leakage over the law's.
     pub from: Ratio,
-    /// Level found.
+    /// Level after.
     pub to: Ratio,
-    /// Whether it came as a step, found by the cumulative sum, or as a drift.
+    /// Whether it was detected as a step, by the cumulative sum, or as a drift.
     pub step: bool,
 }
 
-/// What the learned state says after a sample.
+/// Health status after a sample: level, changes, possible causes and diagnostic faults.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Health {
-    /// Whether the last full block was used, or why not; a sample that cannot be used closes the gate at once.
+    /// Whether the last full block was used, or the reason why not; an invalid sample closes the gate at once.
     pub gate: Result<(), GateClosed>,
     /// Level: leakage over the law's.
     pub level: Ratio,
-    /// Standard error of the level, with what the time since the last used block may have changed and what no driving
-    /// averages out: systematic errors of pressure and temperature, misfit of the law.
+    /// Standard error of the level, including possible wear since the last used block and what no driving averages out:
+    /// systematic errors of pressure and temperature, misfit of the law.
     pub level_se: Ratio,
-    /// Factor on the ratio that is not leakage, less 1.
+    /// Ratio offset: factor on the ratio that is not leakage, less 1.
     pub ratio_offset: Ratio,
     /// Number of changes reported since the state was reset.
     pub changes: u16,
-    /// Causes that remain for the last change; empty when there was none or nothing is known yet.
+    /// Causes that remain possible for the last change; empty without a change or before the isolation.
     pub causes: Causes,
-    /// Trouble: the machine leaks more than it did, and nothing but leakage explains it.
-    pub wear: Stage,
-    /// Trouble: a sensor, the displacement or the oil explains a change, and leakage does not.
-    pub sensor: Stage,
+    /// Diagnostic fault "wear": the machine leaks more than it did, and nothing but leakage explains it.
+    pub wear: DtcStatus,
+    /// Diagnostic fault "sensor": a sensor, the displacement or the oil explains a change, and leakage does not.
+    pub sensor: DtcStatus,
 }
 
 impl Health {

@@ -1,20 +1,21 @@
-//! Gate: only blocks in which the drive is steady are used.
+//! Steady-state gate: admits only blocks in which the drive is steady.
 
 use serde::{Deserialize, Serialize};
 
 use super::averaging::Block;
-use super::r_statistic::SteadyFilter;
+use super::r_statistic::RStatistic;
+use super::tuning::{DISPLACEMENT_FLOOR, PRESSURE_FLOOR_MPA, RATIO_RESIDUAL_FLOOR, SPEED_FLOOR};
 use crate::reason::Reason;
 
-/// Why the gate is closed.
+/// Reason for which the gate is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Closed {
+pub enum GateClosed {
     /// The sample has no valid measured ratio, or lies where the law does not hold.
     Sample(Reason),
-    /// No block has been filled since the start or since the last sample that could not be used.
+    /// No block has been filled since the start or since the last invalid sample.
     Filling,
-    /// The block before was too long ago to say whether this one is steady.
+    /// A gap separates the block from the one before, so that its steadiness is unknown.
     AfterGap,
     /// Pump speed is not steady.
     SpeedUnsteady,
@@ -22,12 +23,12 @@ pub enum Closed {
     PressureUnsteady,
     /// Displacement is not steady.
     DisplacementUnsteady,
-    /// The deficit of ratio is not steady.
+    /// The ratio residual is not steady.
     RatioUnsteady,
 }
 
-impl Closed {
-    /// Name as reports print it; a sample's reason is told by [`Reason::name`] besides.
+impl GateClosed {
+    /// Name as reports print it; [`Reason::name`] adds the reason of an invalid sample.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -42,72 +43,66 @@ impl Closed {
     }
 }
 
-/// Deviations that change the balance by less than a per cent of Kou, see `docs/health/theory.md`.
-const SPEED_FLOOR: f32 = 0.005;
-const PRESSURE_FLOOR_MPA: f32 = 0.4;
-const DISPLACEMENT_FLOOR: f32 = 0.003;
-const DEFICIT_FLOOR: f32 = 0.004;
-
-/// The filters of the four signals that must be steady.
+/// Steady-state detectors of the four signals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Gate {
-    speed: SteadyFilter,
-    pressure: SteadyFilter,
-    displacement: SteadyFilter,
-    deficit: SteadyFilter,
+pub struct SteadyGate {
+    speed: RStatistic,
+    pressure: RStatistic,
+    displacement: RStatistic,
+    ratio_residual: RStatistic,
 }
 
-impl Gate {
-    /// A gate that has seen nothing.
+impl SteadyGate {
+    /// Gate before the first block.
     pub const fn new() -> Self {
         Self {
-            speed: SteadyFilter::new(0.0),
-            pressure: SteadyFilter::new(0.0),
-            displacement: SteadyFilter::new(0.0),
-            deficit: SteadyFilter::new(0.0),
+            speed: RStatistic::new(0.0),
+            pressure: RStatistic::new(0.0),
+            displacement: RStatistic::new(0.0),
+            ratio_residual: RStatistic::new(0.0),
         }
     }
 
-    /// Begins with a block before which samples were missing.
+    /// Restarts with a block after a gap.
     pub fn restart(&mut self, block: &Block) {
         let mean = &block.mean;
-        self.speed = SteadyFilter::new(mean.n_p_rpm);
-        self.pressure = SteadyFilter::new(mean.p_h_mpa);
-        self.displacement = SteadyFilter::new(mean.alpha);
-        self.deficit = SteadyFilter::new(mean.deficit);
+        self.speed = RStatistic::new(mean.n_p_rpm);
+        self.pressure = RStatistic::new(mean.p_h_mpa);
+        self.displacement = RStatistic::new(mean.alpha);
+        self.ratio_residual = RStatistic::new(mean.ratio_residual);
     }
 
-    /// Whether pump speed is steady. Every filter takes every block, so that it knows the present when the gate opens.
+    /// Whether pump speed is steady. Every detector receives every block, so that it is up to date when the gate opens.
     pub fn speed(&mut self, block: &Block) -> bool {
         let n_p_rpm = block.mean.n_p_rpm;
-        self.speed.takes(n_p_rpm, SPEED_FLOOR * n_p_rpm)
+        self.speed.push(n_p_rpm, SPEED_FLOOR * n_p_rpm)
     }
 
     /// Whether pressure is steady.
     pub fn pressure(&mut self, block: &Block) -> bool {
-        self.pressure.takes(block.mean.p_h_mpa, PRESSURE_FLOOR_MPA)
+        self.pressure.push(block.mean.p_h_mpa, PRESSURE_FLOOR_MPA)
     }
 
     /// Whether displacement is steady.
     pub fn displacement(&mut self, block: &Block) -> bool {
-        self.displacement.takes(block.mean.alpha, DISPLACEMENT_FLOOR)
+        self.displacement.push(block.mean.alpha, DISPLACEMENT_FLOOR)
     }
 
-    /// Whether the deficit of ratio is steady.
-    pub fn deficit(&mut self, block: &Block) -> bool {
-        self.deficit.takes(block.mean.deficit, DEFICIT_FLOOR)
+    /// Whether the ratio residual is steady.
+    pub fn ratio_residual(&mut self, block: &Block) -> bool {
+        self.ratio_residual.push(block.mean.ratio_residual, RATIO_RESIDUAL_FLOOR)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::averaging::Terms;
+    use super::super::averaging::RegressionSample;
     use super::*;
     use crate::units::Micros;
 
-    const MEAN: Terms = Terms {
-        deficit: 0.01,
+    const MEAN: RegressionSample = RegressionSample {
+        ratio_residual: 0.01,
         ratio_per_kou: 0.5,
         kou_law: 0.06,
         ratio: 0.95,
@@ -118,19 +113,23 @@ mod tests {
         chi: 0.02,
     };
 
-    fn block(mean: Terms) -> Block {
+    fn block(mean: RegressionSample) -> Block {
         Block { time: Micros(0), mean, count: 50, after_gap: false }
     }
 
-    /// Which of speed, pressure, displacement and deficit are steady in the last of twenty blocks.
-    fn steady(of: impl Fn(f32) -> Terms) -> [bool; 4] {
-        let mut gate = Gate::new();
+    /// Which of speed, pressure, displacement and ratio residual are steady in the last of twenty blocks.
+    fn steady(of: impl Fn(f32) -> RegressionSample) -> [bool; 4] {
+        let mut gate = SteadyGate::new();
         gate.restart(&block(of(0.0)));
         let mut last = [false; 4];
         for i in 1..=20_u8 {
             let block = block(of(f32::from(i)));
-            last =
-                [gate.speed(&block), gate.pressure(&block), gate.displacement(&block), gate.deficit(&block)];
+            last = [
+                gate.speed(&block),
+                gate.pressure(&block),
+                gate.displacement(&block),
+                gate.ratio_residual(&block),
+            ];
         }
         last
     }
@@ -139,11 +138,11 @@ mod tests {
     fn ramp_of_one_signal_closes_the_gate_for_that_signal_alone() {
         assert_eq!(steady(|_| MEAN), [true; 4]);
         // Each by one floor per block: a moving average with weight 0.3 lags by some three of them.
-        let ramps: [&dyn Fn(f32) -> Terms; 4] = [
-            &|t| Terms { n_p_rpm: 2000.0 + 10.0 * t, ..MEAN },
-            &|t| Terms { p_h_mpa: 25.0 + 0.4 * t, ..MEAN },
-            &|t| Terms { alpha: 0.9 + 0.003 * t, ..MEAN },
-            &|t| Terms { deficit: 0.01 + 0.004 * t, ..MEAN },
+        let ramps: [&dyn Fn(f32) -> RegressionSample; 4] = [
+            &|t| RegressionSample { n_p_rpm: 2000.0 + 10.0 * t, ..MEAN },
+            &|t| RegressionSample { p_h_mpa: 25.0 + 0.4 * t, ..MEAN },
+            &|t| RegressionSample { alpha: 0.9 + 0.003 * t, ..MEAN },
+            &|t| RegressionSample { ratio_residual: 0.01 + 0.004 * t, ..MEAN },
         ];
         for (i, ramp) in ramps.into_iter().enumerate() {
             let got = steady(ramp);
@@ -155,6 +154,6 @@ mod tests {
 
     #[test]
     fn slow_change_below_the_floor_leaves_the_gate_open() {
-        assert_eq!(steady(|t| Terms { p_h_mpa: 25.0 + 0.04 * t, ..MEAN }), [true; 4]);
+        assert_eq!(steady(|t| RegressionSample { p_h_mpa: 25.0 + 0.04 * t, ..MEAN }), [true; 4]);
     }
 }

@@ -1,53 +1,59 @@
-//! Recursive least squares for a handful of parameters, with the covariance as `U D U'` (Bierman 1977).
+//! Recursive least squares for four parameters with the covariance factored as `P = U D U'`.
 //!
-//! The factorised form cannot lose symmetry or positive definiteness to rounding. Forgetting acts on the first parameter
-//! only: `U` is unit upper triangular, so its first column is the first unit vector and adding `q` to `D_1` adds `q` to
-//! the first variance and nothing else. What may change (the level) is forgotten, what is constant (an offset of a
-//! sensor) is not, and nothing is forgotten without a measurement that replaces it. Derived in `docs/health/theory.md`.
+//! Measurement update by Bierman's UD algorithm (Bierman 1977, Factorization Methods for Discrete Sequential
+//! Estimation, ch. V.3). The factored form cannot lose symmetry or positive definiteness to rounding. Forgetting acts
+//! on the first parameter only: `U` is unit upper triangular, so its first column is the first unit vector, and adding
+//! `q` to `D_1` adds `q` to the first variance and changes nothing else. Thus a parameter that may change (the level)
+//! is forgotten, constants (a sensor's offset) are not, and there is no covariance wind-up without excitation. Derived
+//! in `docs/health.md`.
 
 use serde::{Deserialize, Serialize};
 
-/// Smallest element of `D`: bounds every variance from below, so that the filter never stops listening.
-const D_MIN: f32 = 1e-10;
+use super::tuning::D_MIN;
 
-/// Number of parameters.
+/// Number of parameters: level, ratio offset, slopes with pressure and with temperature.
 pub const PARAMETERS: usize = 4;
 
-/// Estimate of the parameters with its factorised covariance.
+/// Parameter estimate with its factored covariance.
+#[doc(alias = "Bierman")]
+#[doc(alias = "UD factorisation")]
+#[doc(alias = "recursive least squares")]
+#[doc(alias = "RLS")]
+#[doc(alias = "Kalman filter")]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct UdFilter {
     theta: [f32; PARAMETERS],
     d: [f32; PARAMETERS],
-    /// Columns of `U` above its diagonal: u12; u13, u23; u14, u24, u34.
+    /// Columns of `U` above its diagonal: `u12`; `u13`, `u23`; `u14`, `u24`, `u34`.
     u2: f32,
     u3: [f32; 2],
     u4: [f32; 3],
 }
 
-/// What one measurement said.
+/// Innovation of one measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Innovation {
-    /// Measured minus predicted.
+    /// Measured minus predicted value.
     pub error: f32,
-    /// Variance that was expected of it.
+    /// Its predicted variance.
     pub variance: f32,
 }
 
 impl UdFilter {
-    /// Independent parameters with these values and variances.
+    /// Filter with independent parameters of these values and variances.
     #[must_use]
     pub const fn new(theta: [f32; PARAMETERS], variances: [f32; PARAMETERS]) -> Self {
         Self { theta, d: variances, u2: 0.0, u3: [0.0; 2], u4: [0.0; 3] }
     }
 
-    /// The parameters.
+    /// Parameter estimate.
     #[must_use]
     pub const fn theta(&self) -> [f32; PARAMETERS] {
         self.theta
     }
 
-    /// Variances of the parameters.
+    /// Variances of the parameters: the diagonal of `U D U'`.
     #[must_use]
     pub fn variances(&self) -> [f32; PARAMETERS] {
         let [d1, d2, d3, d4] = self.d;
@@ -62,10 +68,10 @@ impl UdFilter {
         ]
     }
 
-    /// Prediction error of a measurement `z = phi' theta + noise`, without using it.
+    /// Innovation of a measurement `z = phi' theta + noise`, without updating.
     #[must_use]
     pub fn innovation(&self, phi: [f32; PARAMETERS], z: f32, noise_variance: f32) -> Innovation {
-        let [f1, f2, f3, f4] = self.rotated(phi);
+        let [f1, f2, f3, f4] = self.factored(phi);
         let [d1, d2, d3, d4] = self.d;
         Innovation {
             error: z - self.predict(phi),
@@ -73,37 +79,37 @@ impl UdFilter {
         }
     }
 
-    /// Prediction of a measurement.
+    /// Predicted measurement `phi' theta`.
     #[must_use]
     pub fn predict(&self, [p1, p2, p3, p4]: [f32; PARAMETERS]) -> f32 {
         let [t1, t2, t3, t4] = self.theta;
         p1 * t1 + p2 * t2 + p3 * t3 + p4 * t4
     }
 
-    /// Uses a measurement `z = phi' theta + noise` of variance `noise_variance`, which must be positive.
+    /// Updates with a measurement `z = phi' theta + noise`; `noise_variance` must be positive (Bierman 1977, ch. V.3).
     pub fn update(&mut self, phi: [f32; PARAMETERS], z: f32, noise_variance: f32) {
         let error = z - self.predict(phi);
-        let [f1, f2, f3, f4] = self.rotated(phi);
+        let [f1, f2, f3, f4] = self.factored(phi);
         let [d1, d2, d3, d4] = self.d;
         let [v1, v2, v3, v4] = [d1 * f1, d2 * f2, d3 * f3, d4 * f4];
-        // Variance of the innovation as one direction after the other is taken in.
+        // Innovation variance, accumulated over the directions.
         let a1 = noise_variance + v1 * f1;
         let a2 = a1 + v2 * f2;
         let a3 = a2 + v3 * f3;
         let a4 = a3 + v4 * f4;
-        // Unscaled gain, likewise; each column of U is turned by the gain of those before it.
+        // Unscaled gain, likewise; each column of U is updated with the gain of the columns before it.
         let u12 = self.u2;
         self.u2 = u12 - f2 / a1 * v1;
         let [g1, g2] = [v1 + u12 * v2, v2];
         let [u13, u23] = self.u3;
-        let turn = -f3 / a2;
-        self.u3 = [u13 + turn * g1, u23 + turn * g2];
+        let lambda = -f3 / a2;
+        self.u3 = [u13 + lambda * g1, u23 + lambda * g2];
         let [g1, g2, g3] = [g1 + u13 * v3, g2 + u23 * v3, v3];
         let [u14, u24, u34] = self.u4;
-        let turn = -f4 / a3;
-        self.u4 = [u14 + turn * g1, u24 + turn * g2, u34 + turn * g3];
+        let lambda = -f4 / a3;
+        self.u4 = [u14 + lambda * g1, u24 + lambda * g2, u34 + lambda * g3];
         let [g1, g2, g3, g4] = [g1 + u14 * v4, g2 + u24 * v4, g3 + u34 * v4, v4];
-        // Comparisons, since `max` would be a call of a function.
+        // Comparisons, since `max` would be a function call.
         let bounded = |d: f32| if d > D_MIN { d } else { D_MIN };
         self.d = [
             bounded(d1 * noise_variance / a1),
@@ -116,7 +122,7 @@ impl UdFilter {
         self.theta = [t1 + g1 * gain, t2 + g2 * gain, t3 + g3 * gain, t4 + g4 * gain];
     }
 
-    /// Forgets some of the first parameter: its variance grows by `variance`, up to `largest`.
+    /// Forgets part of the first parameter: its variance grows by `variance`, up to `largest`.
     pub fn forget_first(&mut self, variance: f32, largest: f32) {
         let [first, ..] = self.variances();
         let [d1, ..] = &mut self.d;
@@ -124,28 +130,28 @@ impl UdFilter {
         *d1 += if variance < room { variance } else { room };
     }
 
-    /// Replaces the parameters; the covariance stays.
+    /// Replaces the parameters and leaves the covariance.
     pub fn set_theta(&mut self, theta: [f32; PARAMETERS]) {
         self.theta = theta;
     }
 
-    /// Whether parameters and factors are finite and the covariance positive definite.
+    /// Whether parameters and factors are finite and the covariance is positive definite.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let factors = [&self.u2].into_iter().chain(&self.u3).chain(&self.u4).chain(&self.theta);
         self.d.iter().all(|d| *d > 0.0 && d.is_finite()) && factors.into_iter().all(|f| f.is_finite())
     }
 
-    /// Puts the parameters within bounds.
-    pub fn bound(&mut self, bounds: [(f32, f32); PARAMETERS]) {
+    /// Clamps the parameters to bounds.
+    pub fn clamp(&mut self, bounds: [(f32, f32); PARAMETERS]) {
         for (value, (low, high)) in self.theta.iter_mut().zip(bounds) {
             *value = value.clamp(low, high);
         }
     }
 
-    /// `U' phi`.
+    /// Regressor in the factored basis, `f = U' phi`.
     #[inline(always)]
-    fn rotated(&self, [p1, p2, p3, p4]: [f32; PARAMETERS]) -> [f32; PARAMETERS] {
+    fn factored(&self, [p1, p2, p3, p4]: [f32; PARAMETERS]) -> [f32; PARAMETERS] {
         let [u13, u23] = self.u3;
         let [u14, u24, u34] = self.u4;
         [p1, self.u2 * p1 + p2, u13 * p1 + u23 * p2 + p3, u14 * p1 + u24 * p2 + u34 * p3 + p4]
@@ -156,7 +162,7 @@ impl UdFilter {
 mod tests {
     use super::*;
 
-    /// A covariance filter in f64 by the textbook formulas, Joseph form.
+    /// Oracle: a covariance filter in f64, Joseph form.
     struct Joseph {
         theta: [f64; 4],
         p: [[f64; 4]; 4],

@@ -1,9 +1,9 @@
-//! Flow balance and leakage law of one machine, side by side.
+//! Calibrated equations of one machine: flow balance and leakage law.
 
 use super::flow_balance::ReducedModel;
 use super::leakage_law::Law;
 
-/// The calibrated equations of one machine.
+/// Flow balance and leakage law of one machine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CalibratedModel {
     /// Flow balance.

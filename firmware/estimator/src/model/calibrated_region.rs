@@ -1,9 +1,10 @@
-//! The region of operating points in which a law was calibrated, and whether a point lies inside it.
+//! Calibrated region: the operating points at which a leakage law was calibrated, and the test whether a point is
+//! inside.
 //!
 //! The region is convex: the points' bounding box in the law's normalised variables x, y, z, cut by the planes at 45
-//! degrees between each two axes (a discrete oriented polytope with nine directions). It holds every calibration point,
-//! lies inside the bounding box, costs nine comparisons, and needs no hull algorithm on the controller. A quadratic
-//! fitted to points says nothing about points elsewhere, so outside the region the law is not used.
+//! degrees between each two axes (a discrete oriented polytope with nine directions, k-DOP). It contains every
+//! calibration point, lies inside the bounding box, costs nine comparisons, and needs no hull algorithm on the
+//! controller. A quadratic does not extrapolate, so outside the region the law is not used.
 
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +62,7 @@ impl Direction {
         }
     }
 
-    /// The point's co-ordinate along this direction.
+    /// Co-ordinate of a point along this direction.
     #[inline(always)]
     #[must_use]
     pub fn of(self, [x, y, z]: [f32; 3]) -> f32 {
@@ -89,7 +90,10 @@ pub struct Bound {
     pub max: f32,
 }
 
-/// The region as it stands in a calibration.
+/// Calibrated region as written in a calibration.
+#[doc(alias = "k-DOP")]
+#[doc(alias = "discrete oriented polytope")]
+#[doc(alias = "convex hull")]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegionConfig {
@@ -114,9 +118,9 @@ pub struct RegionConfig {
 }
 
 impl RegionConfig {
-    /// The smallest region that holds all `points` (normalised x, y, z), widened by `margin` on every side.
+    /// Smallest region that contains all `points` (normalised x, y, z), widened by `margin` on every side.
     ///
-    /// Without points the result is empty, which the checked constructor refuses.
+    /// Without points the result is empty, which the checked constructor rejects.
     pub fn around(points: impl IntoIterator<Item = [f32; 3]>, margin: f32) -> Self {
         let mut bounds = [Bound { min: f32::MAX, max: f32::MIN }; 9];
         for point in points {
@@ -150,7 +154,7 @@ impl RegionConfig {
         }
     }
 
-    /// The bounds in the order of [`Direction::ALL`].
+    /// Bounds in the order of [`Direction::ALL`].
     #[must_use]
     pub const fn bounds(&self) -> [Bound; 9] {
         [
@@ -166,7 +170,7 @@ impl RegionConfig {
         ]
     }
 
-    /// The first direction along which `point` lies outside, or nothing when it lies inside.
+    /// First direction along which `point` is outside, or `None` when it is inside.
     #[inline]
     #[must_use]
     pub fn outside(&self, point: [f32; 3]) -> Option<Direction> {
@@ -183,8 +187,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn region_holds_its_points_and_cuts_the_empty_corner() {
-        // Three corners of a square: the fourth, (1, 1), is an extrapolation although the bounding box holds it.
+    fn region_contains_its_points_and_excludes_the_empty_corner() {
+        // Three corners of a square: the fourth, (1, 1), is an extrapolation although the bounding box contains it.
         let points = [[0.2, 0.2, 0.5], [1.0, 0.2, 0.5], [0.2, 1.0, 0.5]];
         let region = RegionConfig::around(points, 1e-3);
         for point in points {

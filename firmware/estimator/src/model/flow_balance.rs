@@ -1,6 +1,8 @@
-//! Reduced-order steady-state model: the speed ratio from a flow balance of the high line, and its inverse.
+//! Flow balance of the high-pressure line: the steady speed ratio from the leakage coefficient (reduced model), and its
+//! inverse.
 //!
-//! Per revolution of the pump, with `chi = 1 - rho_L/rho_H`, everything at the density of the high line:
+//! Per revolution of the pump, with the compression loss `chi`, all volumes at the density of the high line (after Wang
+//! et al. 2025; derived in `docs/reduced-model.md`):
 //!
 //! ```text
 //! |alpha| D_p - (|alpha| D_p + Z_p V_0p') chi - (Lambda Kou (p_H - p_c) + G w)/n_p = |r| (D_m + Z_m V_0m chi)
@@ -8,12 +10,12 @@
 //! Lambda = Lambda_0 - l_n |alpha| n_p - l_w w
 //! ```
 //!
-//! The pump delivers what it swept, less what compression of the swept and the dead volume takes, less leakage; the
-//! motor swallows what it sweeps plus what recompression of its dead volume takes. Silencing grooves that bridge the
-//! kidneys pass `G w`; chambers in transition leak less, the more so the longer the transition lasts. The balance is linear in `Kou`, so
-//! its inverse is closed: that inverse is the identification. Negative displacement swaps the lines and the sign of the
-//! ratio, nothing else. A flow meter instead of a motor is the motor without dead volume whose displacement is the
-//! meter's reference displacement. `docs/reduced-model.md` derives it.
+//! The pump delivers its swept volume, less the compression loss of swept and dead volume, less leakage; the motor
+//! takes in its swept volume plus the recompression of its dead volume. Silencing grooves that bridge the kidneys pass
+//! `G w`; chambers in transition leak less, the more so the longer the transition lasts. The balance is linear in
+//! `Kou`, so its inverse is closed: that inverse is the identification. Negative displacement exchanges the lines and
+//! the sign of the ratio, nothing else. A flow meter instead of a motor is a motor without dead volume whose
+//! displacement is the meter's reference displacement.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +29,7 @@ use crate::units::{
 /// Cubic centimetres in a litre.
 const CM3_PER_LITRE: f32 = 1000.0;
 
-/// Constants of the reduced model as they stand in a calibration; fitted to the full model or to a bench.
+/// Constants of the flow balance as written in a calibration; fitted to the lumped model or to a bench.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReducedConfig {
@@ -45,9 +47,9 @@ pub struct ReducedConfig {
     pub motor_dead_volume: CubicCentimetre,
     /// Effective number of leaking chambers at rest, `Lambda_0`: `(Z_p + Z_m)/2` by theory.
     pub leaking_chambers: f32,
-    /// By how much fewer chambers leak per r/min of pump speed at full displacement, `l_n`.
+    /// Decrease of the number of leaking chambers per r/min of pump speed at full displacement, `l_n`.
     pub fewer_leaking_per_rpm: f32,
-    /// By how much fewer chambers leak per root of the pressure difference between the lines, `l_w`.
+    /// Decrease of the number of leaking chambers per root of the pressure difference between the lines, `l_w`.
     pub fewer_leaking_per_root_mpa: f32,
     /// Flow from line to line through bridging silencing grooves at 1 MPa, `G`; negative where they feed the high line.
     #[serde(rename = "groove_flow_l_min_per_root_mpa")]
@@ -57,7 +59,7 @@ pub struct ReducedConfig {
     pub case_pressure: Megapascal,
 }
 
-/// A steady operating point of the drive: what the flow balance depends on besides leakage.
+/// Steady operating point of the drive: the inputs of the flow balance other than leakage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OperatingPoint {
     /// Pump speed `n_p`, positive.
@@ -66,50 +68,51 @@ pub struct OperatingPoint {
     pub high_pressure: Megapascal,
     /// Pressure of the low line `p_L`, gauge.
     pub low_pressure: Megapascal,
-    /// Temperature of the compensated oil `T_b`.
+    /// Temperature of the make-up oil `T_b`.
     pub oil_temperature: Celsius,
     /// Displacement fraction `alpha`, -1 to 1, not 0.
     pub displacement: Ratio,
 }
 
-/// The reduced model of one machine, ready for evaluation.
+/// Flow balance of one machine (reduced model), prepared for evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedModel {
     config: ReducedConfig,
     compression: Compression,
 }
 
-/// The flow balance at one operating point: `|r| b_cm3 = a_cm3 - Kou g`. Shared by forward model and inverse.
+/// Flow balance at one operating point: `|r| intake = delivery - Kou leakage`. Shared by forward model and inverse.
+#[doc(alias = "volumetric efficiency")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Balance {
-    /// Delivered without leakage, per pump revolution.
-    a_cm3: f32,
-    /// Swallowed by the motor, per motor revolution.
-    b_cm3: f32,
-    /// Leaked per pump revolution and unit of Kou.
-    g_cm3_per_kou: f32,
-    /// Leaked per minute and unit of Kou.
+    /// Delivery without leakage per pump revolution, cm3.
+    delivery_cm3: f32,
+    /// Intake of the motor per motor revolution, cm3.
+    intake_cm3: f32,
+    /// Leakage per pump revolution and unit of Kou, cm3.
+    leakage_cm3_per_kou: f32,
+    /// Leakage per minute and unit of Kou, L/min.
     leakage_l_min_per_kou: f32,
     /// +1 or -1: direction of the motor.
     sign: f32,
-    /// In the pump's chambers when they change over to the high line, per pump revolution.
-    carried_cm3: f32,
-    /// Lost fraction of compression.
+    /// Compressed volume: content of the pump's chambers at change-over to the high line, per pump revolution.
+    compressed_cm3: f32,
+    /// Compression loss `chi`.
     compression_loss: f32,
 }
 
 impl ReducedModel {
-    /// Prepares a model whose configuration has been checked.
+    /// Prepares a model from a checked configuration.
     pub(crate) fn from_checked(config: ReducedConfig, compression: Compression) -> Self {
         Self { config, compression }
     }
 
-    /// Fills in the table of an [empty](Compression::empty) compression.
+    /// Fills the table of an [empty](Compression::empty) compression.
     pub(crate) fn tabulate(&mut self, oil: &OilConfig) {
         self.compression.tabulate(oil);
     }
 
-    /// Sets up the flow balance at an operating point.
+    /// Flow balance at an operating point.
     #[inline(always)]
     #[must_use]
     pub fn balance(&self, at: &OperatingPoint) -> Balance {
@@ -122,7 +125,7 @@ impl ReducedModel {
         let full_cm3 = k.pump_displacement.get();
         let swept_cm3 = full_cm3 * at.displacement.get().abs();
         // |alpha| D_p + Z_p V_0p', with Z_p V_sp = D_p.
-        let carried_cm3 = k.pump_dead_volume.get() + 0.5 * (full_cm3 + swept_cm3);
+        let compressed_cm3 = k.pump_dead_volume.get() + 0.5 * (full_cm3 + swept_cm3);
         let root = square_root(at.high_pressure.get() - at.low_pressure.get());
         let leaking = k.leaking_chambers
             - k.fewer_leaking_per_rpm * (at.displacement.get().abs() * at.pump_speed.get())
@@ -130,12 +133,12 @@ impl ReducedModel {
         let leakage_l_min_per_kou = leaking * (at.high_pressure.get() - k.case_pressure.get());
         let cm3_per_l_min = CM3_PER_LITRE / at.pump_speed.get();
         Balance {
-            a_cm3: swept_cm3 - carried_cm3 * chi - k.groove_flow * root * cm3_per_l_min,
-            b_cm3: k.motor_displacement.get() + k.motor_dead_volume.get() * chi,
-            g_cm3_per_kou: leakage_l_min_per_kou * cm3_per_l_min,
+            delivery_cm3: swept_cm3 - compressed_cm3 * chi - k.groove_flow * root * cm3_per_l_min,
+            intake_cm3: k.motor_displacement.get() + k.motor_dead_volume.get() * chi,
+            leakage_cm3_per_kou: leakage_l_min_per_kou * cm3_per_l_min,
             leakage_l_min_per_kou,
             sign: 1.0_f32.copysign(at.displacement.get()),
-            carried_cm3,
+            compressed_cm3,
             compression_loss: chi,
         }
     }
@@ -148,7 +151,8 @@ impl ReducedModel {
         Ratio(ratio.get() * k.motor_displacement.get() / (at.displacement.get() * k.pump_displacement.get()))
     }
 
-    /// Speed ratio that a flow meter's reading stands for: its flow over what its reference displacement passes.
+    /// Speed ratio equivalent to a flow meter's reading: its flow over that of its reference displacement at pump
+    /// speed.
     #[inline(always)]
     #[must_use]
     pub fn ratio_of_flow(&self, at: &OperatingPoint, flow: LitrePerMin) -> Ratio {
@@ -161,7 +165,7 @@ impl ReducedModel {
         &self.compression
     }
 
-    /// The constants.
+    /// Constants of the balance.
     #[must_use]
     pub fn config(&self) -> &ReducedConfig {
         &self.config
@@ -169,54 +173,56 @@ impl ReducedModel {
 }
 
 impl Balance {
-    /// Forward: the speed ratio `n_m/n_p` with this leakage coefficient; negative for negative displacement.
+    /// Forward model: speed ratio `n_m/n_p` with this leakage coefficient; negative for negative displacement.
     ///
-    /// Where leakage takes more than the whole flow the result has the sign opposite to the displacement's.
+    /// Where leakage exceeds the delivery the result has the sign opposite to the displacement's.
     #[inline(always)]
     #[must_use]
     pub fn ratio(&self, kou: LeakageCoefficient) -> Ratio {
-        Ratio(self.sign * (self.a_cm3 - kou.get() * self.g_cm3_per_kou) / self.b_cm3)
+        Ratio(self.sign * (self.delivery_cm3 - kou.get() * self.leakage_cm3_per_kou) / self.intake_cm3)
     }
 
-    /// Inverse: the leakage coefficient that explains a measured speed ratio.
+    /// Inverse model: leakage coefficient that explains a measured speed ratio.
     ///
     /// Negative where the ratio is above the leak-free ratio: no leakage explains it.
     #[inline(always)]
     #[must_use]
     pub fn kou(&self, ratio: Ratio) -> LeakageCoefficient {
-        LeakageCoefficient((self.a_cm3 - self.sign * ratio.get() * self.b_cm3) / self.g_cm3_per_kou)
+        LeakageCoefficient(
+            (self.delivery_cm3 - self.sign * ratio.get() * self.intake_cm3) / self.leakage_cm3_per_kou,
+        )
     }
 
-    /// Leakage flow of all chambers together at high pressure.
+    /// Leakage flow of all chambers together, at high pressure.
     #[inline(always)]
     #[must_use]
     pub fn leakage(&self, kou: LeakageCoefficient) -> LitrePerMin {
         LitrePerMin(self.leakage_l_min_per_kou * kou.get())
     }
 
-    /// Magnitude of `dKou/dr` at this operating point, in (L/min)/MPa per unit of ratio.
+    /// Sensitivity `|dKou/dr|` at this operating point, in (L/min)/MPa per unit of ratio.
     #[inline(always)]
     #[must_use]
     pub fn kou_per_ratio(&self) -> f32 {
-        self.b_cm3 / self.g_cm3_per_kou
+        self.intake_cm3 / self.leakage_cm3_per_kou
     }
 
-    /// `dKou/dchi` at a ratio, in (L/min)/MPa: what an error of the compression does to Kou.
+    /// Sensitivity `dKou/dchi` at a ratio, in (L/min)/MPa.
     #[inline(always)]
     #[must_use]
-    pub(crate) fn kou_per_lost_fraction(&self, model: &ReducedModel, ratio: Ratio) -> f32 {
-        -(self.carried_cm3 + self.sign * ratio.get() * model.config.motor_dead_volume.get())
-            / self.g_cm3_per_kou
+    pub(crate) fn kou_per_compression_loss(&self, model: &ReducedModel, ratio: Ratio) -> f32 {
+        -(self.compressed_cm3 + self.sign * ratio.get() * model.config.motor_dead_volume.get())
+            / self.leakage_cm3_per_kou
     }
 
-    /// Magnitude of `dKou/dalpha`, in (L/min)/MPa per unit of displacement fraction.
+    /// Sensitivity `|dKou/dalpha|`, in (L/min)/MPa per unit of displacement fraction.
     #[inline(always)]
     #[must_use]
     pub(crate) fn kou_per_displacement(&self, model: &ReducedModel) -> f32 {
-        model.config.pump_displacement.get() * (1.0 - 0.5 * self.compression_loss) / self.g_cm3_per_kou
+        model.config.pump_displacement.get() * (1.0 - 0.5 * self.compression_loss) / self.leakage_cm3_per_kou
     }
 
-    /// Lost fraction of compression `chi`.
+    /// Compression loss `chi`.
     #[inline(always)]
     #[must_use]
     pub fn compression_loss(&self) -> Ratio {

@@ -1,19 +1,19 @@
-//! The calibrated law: the leakage coefficient as a normalised quadratic of pump speed, pressure and oil temperature.
+//! Leakage law: the leakage coefficient as a quadratic in normalised pump speed, pressure and oil temperature.
 //!
-//! With `x = n_p/n_max`, `y = p_H/p_max`, `z = T_b/T_max` (Wang et al., eqs. 4, 17 and 18):
+//! With `x = n_p/n_max`, `y = p_H/p_max`, `z = T_b/T_max` (Wang et al. 2025, eqs. 4, 17 and 18):
 //!
 //! ```text
 //! Kou = a11 x^2 + a22 y^2 + a33 z^2 + a12 xy + a13 xz + a23 yz + b1 x + b2 y + b3 z + c
 //! ```
 //!
-//! The derivation and the conversion to physical coefficients: `docs/law.md`.
+//! `docs/law.md` derives it and gives the conversion to physical coefficients.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::sqrt::square_root;
 use crate::units::{Celsius, LeakageCoefficient, Megapascal, RevPerMin};
 
-/// Coefficients and normalisers as they stand in a calibration. All coefficients are in (L/min)/MPa.
+/// Coefficients and normalisers as written in a calibration. All coefficients are in (L/min)/MPa.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LawConfig {
@@ -46,19 +46,21 @@ pub struct LawConfig {
     /// Normaliser of oil temperature.
     #[serde(rename = "t_max_c")]
     pub t_max: Celsius,
-    /// What the law misses of the truth: root mean square residual of the fit, per degree of freedom.
+    /// Misfit of the law: root mean square residual of the fit, per degree of freedom.
     #[serde(rename = "residual_se")]
     pub residual_se: LeakageCoefficient,
-    /// Standard errors and correlation of the ten coefficients.
+    /// Covariance of the ten coefficients, as a factor.
+    #[serde(rename = "error_root")]
     pub covariance_factor: LawCovarianceFactor,
 }
 
-/// The coefficients' covariance, by the few directions that matter over the envelope: `R^T R` and a rest.
+/// Low-rank factor `R` of the coefficients' covariance, `R^T R` plus a remainder.
 ///
-/// `R` has four rows, upper trapezoidal, from the diagonal on, in (L/min)/MPa. Order of the terms: 1, x, y, z, x^2, y^2, z^2,
-/// xy, xz, yz. With `phi` these ten at an operating point, `|R phi|^2 + rest^2` is the variance that the coefficients'
-/// uncertainty leaves to the law there: what displacement ratio, bulk modulus and sensor errors of the bench may have done
-/// to it. Ten rows would be exact and cost a third of a step; `docs/law.md` says how the four are chosen.
+/// `R` has four rows, upper trapezoidal, from the diagonal on, in (L/min)/MPa. Order of the terms: 1, x, y, z, x^2,
+/// y^2, z^2, xy, xz, yz. With `phi` these ten at an operating point, `|R phi|^2 + remainder^2` is the variance of the
+/// law due to its coefficients: the effect of uncertain displacement ratio, bulk modulus and bench sensors on the fit.
+/// Ten rows would be exact and cost a third of a step; `docs/law.md` states how the four are chosen.
+#[doc(alias = "square-root covariance")]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LawCovarianceFactor {
@@ -70,21 +72,22 @@ pub struct LawCovarianceFactor {
     pub third: [f32; 8],
     /// Fourth row: from z on.
     pub fourth: [f32; 7],
-    /// Largest standard error within the region that the four rows leave out.
-    pub rest: LeakageCoefficient,
+    /// Largest standard error within the region that the four rows do not represent.
+    #[serde(rename = "rest")]
+    pub remainder: LeakageCoefficient,
 }
 
 impl LawCovarianceFactor {
-    /// Coefficients that are known exactly.
-    pub const NONE: Self = Self {
+    /// Covariance zero: coefficients that are known exactly.
+    pub const ZERO: Self = Self {
         first: [0.0; 10],
         second: [0.0; 9],
         third: [0.0; 8],
         fourth: [0.0; 7],
-        rest: LeakageCoefficient(0.0),
+        remainder: LeakageCoefficient(0.0),
     };
 
-    /// The rows, the longest first.
+    /// Rows, the longest first.
     #[must_use]
     pub const fn rows(&self) -> [&[f32]; 4] {
         [&self.first, &self.second, &self.third, &self.fourth]
@@ -94,7 +97,7 @@ impl LawCovarianceFactor {
     #[inline(always)]
     fn variance(&self, phi: &[f32; 10]) -> f32 {
         fn squared<const N: usize>(row: &[f32; N], phi: &[f32; 10]) -> f32 {
-            // The row's last entry belongs to the last term, so both are taken from their ends.
+            // The row's last entry belongs to the last term, so both are paired from their ends.
             let sum = row.iter().rev().zip(phi.iter().rev()).fold(0.0, |sum, (r, f)| sum + r * f);
             sum * sum
         }
@@ -105,11 +108,11 @@ impl LawCovarianceFactor {
     }
 }
 
-/// The law ready for evaluation. Made by [`crate::Params::new`] only, so its numbers are known to be sound.
+/// Leakage law prepared for evaluation. Constructed by [`crate::Params::new`] only, so its numbers have been checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     config: LawConfig,
-    /// Variance that is the same everywhere: misfit and the rest of the coefficients' errors.
+    /// Variance common to all operating points: misfit and remainder of the covariance.
     common_variance: f32,
     per_n_max: f32,
     per_p_max: f32,
@@ -117,31 +120,31 @@ pub struct Law {
 }
 
 impl Law {
-    /// Prepares a law whose configuration has been checked.
+    /// Prepares a law from a checked configuration.
     pub(crate) fn from_checked(config: LawConfig) -> Self {
-        let (misfit, rest) = (config.residual_se.get(), config.error_root.rest.get());
+        let (misfit, remainder) = (config.residual_se.get(), config.covariance_factor.remainder.get());
         Self {
             config,
-            common_variance: misfit * misfit + rest * rest,
+            common_variance: misfit * misfit + remainder * remainder,
             per_n_max: 1.0 / config.n_max.get(),
             per_p_max: 1.0 / config.p_max.get(),
             per_t_max: 1.0 / config.t_max.get(),
         }
     }
 
-    /// The operating point in the law's normalised variables x, y, z.
+    /// Operating point in normalised variables x, y, z.
     #[inline(always)]
     #[must_use]
     pub fn normalised(&self, n_p: RevPerMin, p_h: Megapascal, t_b: Celsius) -> [f32; 3] {
         [n_p.get() * self.per_n_max, p_h.get() * self.per_p_max, t_b.get() * self.per_t_max]
     }
 
-    /// The coefficient at the normalised operating point. May be negative: a quadratic knows no bounds.
+    /// Leakage coefficient at a normalised operating point. May be negative: a quadratic is not bounded.
     #[inline(always)]
     #[must_use]
     pub fn evaluate(&self, [x, y, z]: [f32; 3]) -> LeakageCoefficient {
         let k = &self.config;
-        // Nested so that nine multiplications do: c + x(b1 + a11 x + a12 y + a13 z) + y(b2 + a22 y + a23 z) + z(b3 + a33 z).
+        // Nested, for nine multiplications: c + x(b1 + a11 x + a12 y + a13 z) + y(b2 + a22 y + a23 z) + z(b3 + a33 z).
         LeakageCoefficient(
             k.c + x * (k.b1 + k.a11 * x + k.a12 * y + k.a13 * z)
                 + y * (k.b2 + k.a22 * y + k.a23 * z)
@@ -162,11 +165,11 @@ impl Law {
         ]
     }
 
-    /// Standard error of the coefficient by the law at the normalised operating point: misfit and coefficients' errors.
+    /// Standard error of the law at a normalised operating point: misfit and uncertainty of the coefficients.
     #[inline(always)]
     #[must_use]
     pub fn standard_error(&self, [x, y, z]: [f32; 3]) -> LeakageCoefficient {
         let phi = [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
-        LeakageCoefficient(square_root(self.common_variance + self.config.error_root.variance(&phi)))
+        LeakageCoefficient(square_root(self.common_variance + self.config.covariance_factor.variance(&phi)))
     }
 }

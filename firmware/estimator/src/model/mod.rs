@@ -1,6 +1,7 @@
 //! Equations of the drive: oil compression, flow balance, leakage law and the region in which the law was calibrated.
 //!
-//! Nothing here depends on readings, on a calibration as a whole or on what was learned.
+//! Pure functions of operating point and constants: no readings, no calibration as a whole, no learned state. The
+//! module imports nothing of the crate but the unit types.
 
 pub(crate) mod calibrated_model;
 pub mod calibrated_region;

@@ -1,23 +1,26 @@
-//! Compression of the oil between two pressures, with the air it carries (Wylie).
+//! Compression of oil with entrained air between two pressures: Wylie's effective bulk modulus, integrated.
 //!
-//! With `x = (p_0/p)^(1/lambda)`, p absolute, the Wylie bulk modulus integrates to
+//! With absolute pressure `p` and the relative air volume `x = (p_0/p)^(1/lambda)`, the effective bulk modulus (Wylie
+//! and Streeter 1993, Fluid Transients in Systems; Wang et al. 2025, eq. 2) integrates to
 //!
 //! ```text
 //! ln(rho_H/rho_L) = a(p_L) - a(p_H) + (h(p_H) - h(p_L))/beta_0
-//! a(p) = ln(1 + c x(p))              what the air adds
-//! h(p) = integral dp/(1 + c x(p))    what the oil itself adds, in MPa
+//! a(p) = ln(1 + c x(p))              contribution of the air
+//! h(p) = integral dp/(1 + c x(p))    contribution of the oil itself, in MPa
 //! ```
 //!
-//! and the lost fraction is `chi = 1 - rho_L/rho_H`. Both functions depend on the calibration only, so the checked
+//! and the compression loss is `chi = 1 - rho_L/rho_H`. Both functions depend on the calibration only, so the checked
 //! constructor tabulates them, one polynomial per octave of absolute pressure, and a step needs no power function:
 //! 2 x 231 instructions of `powf` become some 25. `docs/reduced-model.md` derives it and states the error, which
-//! `tests/reference_f64.rs` holds against adaptive quadrature in f64.
+//! `tests/reference_f64.rs` bounds against adaptive quadrature in f64.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::{Celsius, MegapascalAbs, STANDARD_ATMOSPHERE_MPA};
 
-/// The oil as it stands in a calibration.
+/// Oil properties as written in a calibration.
+#[doc(alias = "Wylie")]
+#[doc(alias = "bulk modulus")]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OilConfig {
@@ -52,7 +55,10 @@ struct Octave {
     oil: [f32; NODES + 1],
 }
 
-/// Compression of one oil, ready for evaluation.
+/// Compression of one oil by Wylie's bulk modulus, tabulated for evaluation.
+#[doc(alias = "Wylie")]
+#[doc(alias = "bulk modulus")]
+#[doc(alias = "effective bulk modulus")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compression {
     octaves: [Octave; OCTAVES],
@@ -73,7 +79,8 @@ impl Compression {
         table
     }
 
-    /// The same without its table, which is large: to be [tabulated](Self::tabulate) where it will lie.
+    /// As [`from_checked`](Self::from_checked) with an empty table, which is large: [`tabulate`](Self::tabulate) fills
+    /// it in place.
     pub(crate) fn empty(oil: &OilConfig) -> Self {
         Self {
             octaves: [Octave { air: [0.0; NODES], oil: [0.0; NODES + 1] }; OCTAVES],
@@ -83,12 +90,12 @@ impl Compression {
         }
     }
 
-    /// Fills in the table.
-    // Not inlined: what is worked with would lie on the stack beside what the callers work with.
+    /// Fills the table.
+    // Not inlined: its temporaries would add to the stack of the callers.
     #[inline(never)]
     pub(crate) fn tabulate(&mut self, oil: &OilConfig) {
         let mut octave_mpa = MIN_PRESSURE_MPA_ABS;
-        // h at the lower end of the octave; its zero is of no consequence since only differences are used.
+        // h at the lower end of the octave; its zero is arbitrary, since only differences are used.
         let mut h_mpa = 0.0;
         for octave in &mut self.octaves {
             let free_air = NODE_AT
@@ -106,10 +113,13 @@ impl Compression {
         }
     }
 
-    /// Lost fraction `chi = 1 - rho_L/rho_H` of oil brought from `low` to `high` at temperature `oil`.
+    /// Compression loss `chi = 1 - rho_L/rho_H` of oil compressed from `low` to `high` at temperature `oil`: the
+    /// fraction of its volume that is lost.
     ///
-    /// Valid for both pressures within [`MIN_PRESSURE_MPA_ABS`]..[`MAX_PRESSURE_MPA_ABS`]; outside, the pressure is
-    /// taken for the nearest end. For `low` above `high` the result is negative.
+    /// Pressures are clamped to [`MIN_PRESSURE_MPA_ABS`]..[`MAX_PRESSURE_MPA_ABS`]. For `low` above `high` the result
+    /// is negative.
+    #[doc(alias = "Wylie")]
+    #[doc(alias = "density ratio")]
     #[inline(always)]
     #[must_use]
     pub fn compression_loss(&self, low: MegapascalAbs, high: MegapascalAbs, oil: Celsius) -> f32 {
@@ -121,15 +131,16 @@ impl Compression {
             - y * (1.0 / 2.0) * (1.0 - y * (1.0 / 3.0) * (1.0 - y * (1.0 / 4.0) * (1.0 - y * (1.0 / 5.0)))))
     }
 
-    /// Slope of the lost fraction with the higher pressure, in 1/MPa, of the oil without air: `1/beta_0(T)`.
+    /// Compressibility of the oil without air, `1/beta_0(T)`, in 1/MPa: slope of the compression loss with the higher
+    /// pressure.
     #[inline(always)]
     #[must_use]
     pub(crate) fn slope_per_mpa(&self, oil: Celsius) -> f32 {
         self.per_bulk_modulus / self.softening(oil)
     }
 
-    /// Relative change of the bulk modulus per kelvin, negative for real oils; that of the lost fraction is its opposite, to within
-    /// the few per cent by which the modulus has softened at other than the reference temperature.
+    /// Relative change of the bulk modulus per kelvin, negative for real oils. That of the compression loss is its
+    /// opposite, to within the few per cent by which the modulus differs from that at the reference temperature.
     #[inline(always)]
     #[must_use]
     pub(crate) fn softening_per_k(&self) -> f32 {
@@ -151,18 +162,18 @@ impl Compression {
         let s = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.5;
         match self.octaves.get(index) {
             Some(octave) => (horner(&octave.air, s), horner(&octave.oil, s)),
-            // Out of reach after the clamp, except for NaN, which must stay NaN.
+            // Reached after the clamp by NaN only, which must stay NaN.
             None => (f32::NAN, f32::NAN),
         }
     }
 }
 
-/// `x = (p_0/p)^(1/lambda)`: volume of the air over its volume at a standard atmosphere.
+/// Relative air volume `x = (p_0/p)^(1/lambda)` (polytropic): volume over that at a standard atmosphere.
 fn air_ratio(p_mpa_abs: f32, heat_capacity_ratio: f32) -> f32 {
     libm::powf(STANDARD_ATMOSPHERE_MPA / p_mpa_abs, 1.0 / heat_capacity_ratio)
 }
 
-/// Polynomial with `coefficients` from the constant upwards.
+/// Polynomial with `coefficients` in ascending order, by Horner's scheme.
 #[inline(always)]
 fn horner<const N: usize>(coefficients: &[f32; N], s: f32) -> f32 {
     coefficients.iter().rev().fold(0.0, |sum, k| sum * s + k)
@@ -180,7 +191,7 @@ fn interpolate(values: [f32; NODES]) -> [f32; NODES] {
         }
     }
     let mut polynomial = [0.0; NODES];
-    // Each side reversed by itself: reversing their zip brings a panic path for unequal lengths.
+    // Each side reversed by itself: reversing their zip adds a panic path for unequal lengths.
     for (node, difference) in NODE_AT.iter().rev().zip(differences.iter().rev()) {
         // polynomial = polynomial*(s - node) + difference
         let mut carry = 0.0;

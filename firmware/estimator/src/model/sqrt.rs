@@ -1,14 +1,16 @@
-//! Square root in some 20 instructions, for standard errors and for the small terms of the flow balance.
+//! Square root by Newton iteration in some 20 instructions, for standard errors and small terms of the flow balance.
 
 use micromath::F32Ext;
 
-/// Square root to 1e-5 relative in some 20 instructions, the same bits on every machine.
+/// Square root to a relative error of 1e-5, with the same bits on every machine.
 ///
-/// micromath's inverse root is good to 3.4 %; each Newton step squares the error (times 3/2): 1.7e-3, then 4.5e-6.
+/// micromath's inverse square root has an error of 3.4 %; each Newton step on `1/x^2 - value` squares the error (times
+/// 3/2): 1.7e-3, then 4.5e-6.
+#[doc(alias = "Newton")]
 #[inline]
 #[must_use]
 pub(crate) fn square_root(value: f32) -> f32 {
-    // Below the smallest normal number the estimate's bit trick fails; a standard error that small is zero.
+    // The bit trick of the first guess fails for subnormal numbers; a standard error that small is zero.
     if value < f32::MIN_POSITIVE {
         return 0.0;
     }
@@ -24,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn square_root_is_good_to_1e5_over_all_magnitudes() {
+    fn relative_error_is_below_1e5_over_all_magnitudes() {
         let mut worst = 0.0_f64;
         for exponent in -37..38 {
             for step in 0..1000 {

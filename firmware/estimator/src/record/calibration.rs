@@ -1,4 +1,4 @@
-//! Binary record of a calibration: for flash and for the link. Format in `docs/calibration-record.md`.
+//! Binary record of a calibration, for flash and link. Format in `docs/calibration-record.md`.
 //!
 //! ```text
 //! offset 0   magic    4 bytes  "KOUC"
@@ -8,48 +8,42 @@
 //!        8+n crc      u32 LE   CRC-32/ISO-HDLC over everything before it
 //! ```
 //!
-//! A decoded record is not yet a trusted one: [`crate::Params::new`] checks it.
+//! A decoded calibration is not yet validated: [`crate::Params::new`] does that.
 
 use core::fmt;
 
-use super::envelope::{RecordError, seal, unseal};
+use super::envelope::{RecordError, RecordFormat};
 use crate::calibration::Calibration;
 
 /// First four bytes of every record.
 pub const MAGIC: [u8; 4] = *b"KOUC";
 /// Schema that this version writes and reads.
 pub const SCHEMA: u16 = 3;
-/// Bytes that always suffice for a record.
+/// Bytes that suffice for every record.
 pub const MAX_LEN: usize = 880;
 
+const FORMAT: RecordFormat =
+    RecordFormat { magic: MAGIC, schema: SCHEMA, name: "calibration record", content: "calibration" };
+
+/// Worded for calibration records; [`StateError`](super::state::StateError) words the errors of saved states.
 impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Truncated => f.write_str("the calibration record is cut short"),
-            Self::Excess => f.write_str("there are bytes after the calibration record's end"),
-            Self::Magic => f.write_str("not a calibration record: it does not begin with KOUC"),
-            Self::Schema(found) => {
-                write!(f, "calibration record of schema {found}; this version reads schema {SCHEMA}")
-            }
-            Self::Crc => f.write_str("the calibration record is damaged: its CRC-32 does not match"),
-            Self::Payload => f.write_str("the calibration record's payload is not a calibration"),
-            Self::Buffer => f.write_str("the buffer is too small for the calibration record"),
-        }
+        FORMAT.describe(*self, f)
     }
 }
 
-/// Writes the record into `buffer` and returns its length. [`MAX_LEN`] bytes always suffice.
+/// Encodes a calibration into `buffer` and returns the record's length. [`MAX_LEN`] bytes always suffice.
 ///
 /// # Errors
 /// [`RecordError::Buffer`] when it does not fit.
 pub fn encode(calibration: &Calibration, buffer: &mut [u8]) -> Result<usize, RecordError> {
-    seal(MAGIC, SCHEMA, calibration, buffer)
+    FORMAT.encode(calibration, buffer)
 }
 
-/// Reads a record that fills `bytes` exactly.
+/// Decodes a record that fills `bytes` exactly.
 ///
 /// # Errors
-/// The first thing that is wrong; nothing of a damaged record is returned.
+/// The first problem found; nothing of a damaged record is returned.
 pub fn decode(bytes: &[u8]) -> Result<Calibration, RecordError> {
-    unseal(MAGIC, SCHEMA, bytes)
+    FORMAT.decode(bytes)
 }

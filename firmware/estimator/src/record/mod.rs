@@ -1,4 +1,4 @@
-//! Binary records of calibration and state: for flash and for the link.
+//! Binary records of calibration and state, for flash and link: envelope with CRC and schema around a postcard payload.
 
 pub mod calibration;
 mod envelope;

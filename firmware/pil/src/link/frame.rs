@@ -1,18 +1,18 @@
-//! Frames: a payload, its CRC-32/ISO-HDLC (little-endian) behind it, stuffed, closed by a zero.
+//! Frames: payload and CRC-32/ISO-HDLC (little-endian), COBS-encoded, terminated by a zero.
 //!
-//! [`FrameDecoder`] takes bytes as they arrive, in pieces of any size, into a buffer of fixed size. Each non-empty stretch between two
-//! zeros yields exactly one payload or one [`FrameError`], whatever the bytes; zeros in a row mean nothing, so a sender
-//! may open with a few of them to end whatever was on the line.
+//! [`FrameDecoder`] accepts bytes in pieces of any size and has a buffer of fixed size. Each non-empty stretch
+//! between two zeros yields exactly one payload or one [`FrameError`], whatever the bytes; consecutive zeros have no
+//! effect, so a sender may start with a few of them to terminate any garbage on the line.
 
 use core::fmt;
 
 use kou_estimator::record::crc32;
 use serde::{Deserialize, Serialize};
 
-use super::cobs::{self, Unstuffed, Unstuffer};
+use super::cobs::{self, CobsDecoder, CobsEvent};
 use super::sizes::{CRC_LEN, MAX_BODY};
 
-/// What is wrong with a frame. On the wire by position: append only.
+/// Reason for rejecting a frame. On the wire by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
@@ -20,18 +20,18 @@ pub enum FrameError {
     TooLong,
     /// Too short to hold a payload and a CRC.
     TooShort,
-    /// The last block of the stuffing is cut short.
+    /// The last COBS block is truncated.
     Cobs,
     /// The CRC does not match.
     Crc,
-    /// The CRC matches, but this version knows no message with this tag.
+    /// The CRC matches, but the message's tag is unknown to this version.
     Unknown,
-    /// The CRC and the tag match, but the rest is not that message.
+    /// CRC and tag match, but the rest is not that message.
     Payload,
 }
 
 impl FrameError {
-    /// Every error, in the order of the wire.
+    /// Every error, in the order on the wire.
     pub const ALL: [Self; 6] =
         [Self::TooLong, Self::TooShort, Self::Cobs, Self::Crc, Self::Unknown, Self::Payload];
 }
@@ -51,13 +51,13 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// Why a message could not be made into a frame.
+/// Reason why a message could not be encoded as a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
-    /// The message is larger than any frame may be.
+    /// Message larger than the largest frame.
     Message,
-    /// The frame does not fit the output buffer.
+    /// Frame larger than the output buffer.
     Buffer,
 }
 
@@ -72,12 +72,12 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Writes `message` as one frame into `out` and returns its length, the closing zero included.
+/// Encodes `message` as one frame into `out` and returns its length including the delimiter.
 ///
-/// `BODY` is the largest payload with its CRC: a working buffer of that size stands on the stack.
+/// `BODY` is the largest payload with its CRC: the size of a working buffer on the stack.
 ///
 /// # Errors
-/// When the message or the frame is too large; `out` then holds no frame.
+/// The message or the frame is too large; `out` then holds no frame.
 pub fn encode<const BODY: usize>(message: &impl Serialize, out: &mut [u8]) -> Result<usize, EncodeError> {
     let mut body = [0; BODY];
     let space = body.len().checked_sub(CRC_LEN).ok_or(EncodeError::Message)?;
@@ -87,17 +87,17 @@ pub fn encode<const BODY: usize>(message: &impl Serialize, out: &mut [u8]) -> Re
     let (crc, _) = rest.split_first_chunk_mut::<CRC_LEN>().ok_or(EncodeError::Message)?;
     *crc = crc32(payload).to_le_bytes();
     let body = body.get(..len.saturating_add(CRC_LEN)).ok_or(EncodeError::Message)?;
-    let stuffed = cobs::encode(body, out).ok_or(EncodeError::Buffer)?;
-    *out.get_mut(stuffed).ok_or(EncodeError::Buffer)? = 0;
-    Ok(stuffed.saturating_add(1))
+    let encoded = cobs::encode(body, out).ok_or(EncodeError::Buffer)?;
+    *out.get_mut(encoded).ok_or(EncodeError::Buffer)? = 0;
+    Ok(encoded.saturating_add(1))
 }
 
-/// Receiver of frames of at most `N` bytes (payload and CRC).
+/// Decoder of frames of at most `N` bytes (payload and CRC).
 #[derive(Debug, Clone)]
 pub struct FrameDecoder<const N: usize = MAX_BODY> {
     buffer: [u8; N],
     len: usize,
-    unstuffer: Unstuffer,
+    decoder: CobsDecoder,
     too_long: bool,
 }
 
@@ -108,18 +108,18 @@ impl<const N: usize> Default for FrameDecoder<N> {
 }
 
 impl<const N: usize> FrameDecoder<N> {
-    /// Receiver at the beginning of a frame.
+    /// Decoder at the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
-        Self { buffer: [0; N], len: 0, unstuffer: Unstuffer::new(), too_long: false }
+        Self { buffer: [0; N], len: 0, decoder: CobsDecoder::new(), too_long: false }
     }
 
-    /// Takes one byte from the line; at the end of a frame yields its payload or what is wrong with it.
+    /// Accepts one byte; at the end of a frame returns its payload or its error.
     #[inline]
     pub fn push(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
-        match self.unstuffer.push(byte) {
-            Unstuffed::Nothing | Unstuffed::Empty => None,
-            Unstuffed::Byte(byte) => {
+        match self.decoder.push(byte) {
+            CobsEvent::Nothing | CobsEvent::Empty => None,
+            CobsEvent::Byte(byte) => {
                 match self.buffer.get_mut(self.len) {
                     Some(slot) => {
                         *slot = byte;
@@ -129,12 +129,12 @@ impl<const N: usize> FrameDecoder<N> {
                 }
                 None
             }
-            Unstuffed::End => Some(self.finish(false)),
-            Unstuffed::Cut => Some(self.finish(true)),
+            CobsEvent::End => Some(self.finish(false)),
+            CobsEvent::Cut => Some(self.finish(true)),
         }
     }
 
-    /// Judges the frame that has just ended and makes ready for the next.
+    /// Checks the frame that has just ended, and prepares for the next.
     fn finish(&mut self, cut: bool) -> Result<&[u8], FrameError> {
         let len = core::mem::take(&mut self.len);
         if core::mem::take(&mut self.too_long) {

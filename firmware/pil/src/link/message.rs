@@ -1,8 +1,8 @@
-//! What host and firmware say to each other.
+//! Messages between host and firmware.
 //!
-//! Messages go over the wire in postcard's format, by the position of variants and fields: extend an enum by appending,
-//! never reorder, and raise [`PROTOCOL`] when the meaning of an existing message changes. Texts are `S`: string literals
-//! in the firmware, where nothing is allocated, and owned strings on the host.
+//! Messages are in postcard's wire format, which identifies variants and fields by position: extend an enum by
+//! appending, never reorder, and increment [`PROTOCOL`] when the meaning of an existing message changes. Texts have
+//! the type `S`: string literals in the firmware, which does not allocate, and owned strings on the host.
 
 use core::fmt;
 
@@ -12,59 +12,59 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::FrameError;
 
-/// Version of the link's protocol, told by [`Response::Hello`]. 2: estimates carry health.
+/// Version of the link's protocol, part of [`Response::Hello`]. 2: estimates include health.
 pub const PROTOCOL: u16 = 2;
 
-/// What the host asks. Every request is answered by exactly one [`Response`], in order.
+/// Request of the host. Every request is answered by exactly one [`Response`], in order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Request<'a> {
-    /// Who is there? Answer: [`Response::Hello`].
+    /// Identification; answered by [`Response::Hello`].
     Hello,
-    /// A calibration as its binary record; takes effect with its answer, [`Response::CalibrationAccepted`], and starts
-    /// the estimator's state anew. Refused, it changes nothing.
+    /// Calibration as a binary record; takes effect with its answer, [`Response::CalibrationAccepted`], and resets
+    /// the estimator's state. A rejected calibration changes nothing.
     LoadCalibration(&'a [u8]),
-    /// A sample to estimate from. Answer: [`Response::Estimate`], or [`ErrorKind::NoCalibration`].
+    /// Sample to estimate from; answered by [`Response::Estimate`], or [`ErrorKind::NoCalibration`].
     Sample(Sample),
-    /// Answer: [`Response::Status`].
+    /// Counters and state; answered by [`Response::Status`].
     Status,
-    /// End the firmware, where it runs in an emulator; a board with nowhere to go restarts. Answer:
-    /// [`Response::ShuttingDown`], the last one.
+    /// Shutdown of the firmware in an emulator; a board restarts. Answered by [`Response::ShuttingDown`], the last
+    /// response.
     Shutdown,
 }
 
 impl Request<'_> {
-    /// Number of requests that this version knows.
+    /// Number of requests known to this version.
     pub const COUNT: u32 = 5;
 }
 
-/// What the firmware answers.
+/// Response of the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Response<S> {
-    /// Who is there.
+    /// Identification.
     Hello(Hello<S>),
     /// The calibration is in use.
     CalibrationAccepted {
-        /// The record's own CRC-32, for the host to compare.
+        /// CRC-32 of the record, for comparison by the host.
         crc: u32,
     },
-    /// The calibration is not in use; the one before it, if any, still is.
-    CalibrationRefused(Refusal<S>),
-    /// The estimate for one sample.
+    /// The calibration was rejected; a previous one remains in use.
+    CalibrationRejected(CalibrationRejection<S>),
+    /// Estimate for one sample.
     Estimate(Estimate),
-    /// Counters and the like.
+    /// Counters and state.
     Status(Status),
-    /// The request was not obeyed.
+    /// The request was not executed.
     Error(ErrorKind),
-    /// The firmware ends as soon as this is sent.
+    /// The firmware ends after this response.
     ShuttingDown,
 }
 
 impl<S> Response<S> {
-    /// Number of responses that this version knows.
+    /// Number of responses known to this version.
     pub const COUNT: u32 = 7;
 }
 
-/// The firmware's identity.
+/// Identification of the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello<S> {
     /// [`PROTOCOL`] of the firmware.
@@ -77,13 +77,13 @@ pub struct Hello<S> {
     pub board: S,
 }
 
-/// Why a request was not obeyed. On the wire by position: append only.
+/// Reason why a request was not executed. On the wire by position: append only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ErrorKind {
-    /// What arrived was not a request.
+    /// The received frame was no request.
     Frame(FrameError),
-    /// A sample came before any calibration.
+    /// Sample before any calibration.
     NoCalibration,
 }
 
@@ -96,21 +96,21 @@ impl fmt::Display for ErrorKind {
     }
 }
 
-/// Why a calibration is not used.
+/// Reason for rejecting a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Refusal<S> {
-    /// The record cannot be read.
+pub enum CalibrationRejection<S> {
+    /// Unreadable record.
     Record(RecordError),
-    /// A field of it is wrong.
+    /// Invalid field.
     Field {
         /// Dotted name of the field as in the TOML form, for instance `oil.bulk_modulus_mpa`.
         field: S,
-        /// What is wrong with it.
+        /// Problem with its value.
         problem: FieldProblem<S>,
     },
 }
 
-/// What is wrong with a field of a calibration: the estimator's [`Problem`] in a form that can cross the link.
+/// Problem with a field of a calibration: the estimator's [`Problem`] in serialisable form.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum FieldProblem<S> {
     /// NaN or infinite.
@@ -124,11 +124,11 @@ pub enum FieldProblem<S> {
         /// Largest allowed value.
         max: f32,
     },
-    /// In range by itself, but contradicting another field.
+    /// In range by itself, but inconsistent with another field.
     Inconsistent(S),
 }
 
-impl From<CalibrationError> for Refusal<&'static str> {
+impl From<CalibrationError> for CalibrationRejection<&'static str> {
     fn from(error: CalibrationError) -> Self {
         let problem = match error.problem {
             Problem::NotFinite => FieldProblem::NotFinite,
@@ -139,13 +139,13 @@ impl From<CalibrationError> for Refusal<&'static str> {
     }
 }
 
-impl<S> From<RecordError> for Refusal<S> {
+impl<S> From<RecordError> for CalibrationRejection<S> {
     fn from(error: RecordError) -> Self {
         Self::Record(error)
     }
 }
 
-impl<S: fmt::Display> fmt::Display for Refusal<S> {
+impl<S: fmt::Display> fmt::Display for CalibrationRejection<S> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Record(error) => error.fmt(f),
@@ -160,7 +160,7 @@ impl<S: fmt::Display> fmt::Display for Refusal<S> {
     }
 }
 
-/// The firmware's state as told to the host.
+/// State of the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
     /// Time since start by the firmware's own clock, in microseconds.
@@ -169,47 +169,47 @@ pub struct Status {
     pub stack_high_water_bytes: u32,
     /// CRC-32 of the calibration record in use, if any.
     pub calibration: Option<u32>,
-    /// What has happened so far.
-    pub counts: Counts,
+    /// Event counters.
+    pub counts: LinkCounts,
 }
 
-/// What has happened since start. Each count stays at its maximum instead of wrapping.
+/// Event counters since start. Each count saturates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Counts {
-    /// Frames that held a request, this one included.
+pub struct LinkCounts {
+    /// Valid requests, including this one.
     pub frames_ok: u32,
-    /// Frames refused as [`FrameError::TooLong`].
+    /// Frames rejected as [`FrameError::TooLong`].
     pub frames_too_long: u32,
-    /// Frames refused as [`FrameError::TooShort`].
+    /// Frames rejected as [`FrameError::TooShort`].
     pub frames_too_short: u32,
-    /// Frames refused as [`FrameError::Cobs`].
+    /// Frames rejected as [`FrameError::Cobs`].
     pub frames_cobs: u32,
-    /// Frames refused as [`FrameError::Crc`].
+    /// Frames rejected as [`FrameError::Crc`].
     pub frames_crc: u32,
-    /// Frames refused as [`FrameError::Unknown`].
+    /// Frames rejected as [`FrameError::Unknown`].
     pub frames_unknown: u32,
-    /// Frames refused as [`FrameError::Payload`].
+    /// Frames rejected as [`FrameError::Payload`].
     pub frames_payload: u32,
     /// Samples received.
     pub samples: u32,
-    /// Samples that came before any calibration.
+    /// Samples before any calibration.
     pub samples_without_calibration: u32,
-    /// Estimates of which both parts were valid.
+    /// Estimates with both parts valid.
     pub estimates_valid: u32,
-    /// Estimates of which a part was refused.
-    pub estimates_refused: u32,
-    /// Calibrations taken into use.
+    /// Estimates with an invalid part.
+    pub estimates_rejected: u32,
+    /// Accepted calibrations.
     pub calibrations_accepted: u32,
-    /// Calibrations refused.
-    pub calibrations_refused: u32,
-    /// Beats of the heartbeat task.
+    /// Rejected calibrations.
+    pub calibrations_rejected: u32,
+    /// Periods of the heartbeat task.
     pub heartbeats: u32,
 }
 
-impl Counts {
-    /// Frames refused, of every kind together.
+impl LinkCounts {
+    /// Rejected frames of every kind.
     #[must_use]
-    pub fn frames_refused(&self) -> u32 {
+    pub fn frames_rejected(&self) -> u32 {
         [
             self.frames_too_long,
             self.frames_too_short,
@@ -223,7 +223,7 @@ impl Counts {
     }
 }
 
-/// Reads a request from a frame's payload.
+/// Decodes a request from a frame's payload.
 ///
 /// # Errors
 /// [`FrameError::Unknown`] or [`FrameError::Payload`].
@@ -231,7 +231,7 @@ pub fn decode_request(payload: &[u8]) -> Result<Request<'_>, FrameError> {
     decode(payload, Request::COUNT)
 }
 
-/// Reads a response from a frame's payload.
+/// Decodes a response from a frame's payload.
 ///
 /// # Errors
 /// [`FrameError::Unknown`] or [`FrameError::Payload`].
@@ -239,12 +239,12 @@ pub fn decode_response<'de, S: Deserialize<'de>>(payload: &'de [u8]) -> Result<R
     decode(payload, Response::<S>::COUNT)
 }
 
-/// Reads a message that must fill the payload exactly; `count` is the number of tags known.
+/// Decodes a message that must fill the payload exactly; `count` is the number of known tags.
 fn decode<'de, T: Deserialize<'de>>(payload: &'de [u8], count: u32) -> Result<T, FrameError> {
     match postcard::take_from_bytes::<T>(payload) {
         Ok((message, [])) => Ok(message),
         Ok(_) => Err(FrameError::Payload),
-        // postcard does not say whether the tag or what follows it was wrong.
+        // postcard does not distinguish a wrong tag from wrong content.
         Err(_) => match postcard::take_from_bytes::<u32>(payload) {
             Ok((tag, _)) if tag >= count => Err(FrameError::Unknown),
             _ => Err(FrameError::Payload),

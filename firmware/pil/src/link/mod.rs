@@ -1,9 +1,9 @@
-//! The link between host and firmware: messages ([`message`]) in checked frames ([`frame`]).
+//! Link between host and firmware: messages ([`message`]) in checked frames ([`frame`]).
 //!
-//! One frame is COBS over (postcard payload + CRC-32), closed by a zero byte, which occurs nowhere else on the line; so
-//! a receiver that lost its place finds it again at the next zero. Every request is answered by exactly one response,
-//! in order. A frame that is damaged, cut short or unknown is counted and answered with an error; it is never obeyed.
-//! The same code runs at both ends. `docs/link.md` has an example byte by byte.
+//! A frame is the COBS encoding of a postcard payload and its CRC-32, terminated by a zero byte, which occurs nowhere
+//! else; a receiver therefore resynchronises at the next zero. Every request is answered by exactly one response, in
+//! order. A damaged, truncated or unknown frame is counted and answered with an error; it is never executed. Both
+//! ends use the same code. `docs/link.md` has an example byte by byte.
 
 pub mod cobs;
 pub mod frame;
@@ -14,7 +14,7 @@ mod tests;
 
 pub use frame::{EncodeError, FrameDecoder, FrameError, encode};
 pub use message::{
-    Counts, ErrorKind, FieldProblem, Hello, PROTOCOL, Refusal, Request, Response, Status, decode_request,
-    decode_response,
+    CalibrationRejection, ErrorKind, FieldProblem, Hello, LinkCounts, PROTOCOL, Request, Response, Status,
+    decode_request, decode_response,
 };
 pub use sizes::{CRC_LEN, MAX_BODY, MAX_FRAME, MAX_PAYLOAD, MAX_RESPONSE_FRAME, MAX_RESPONSE_PAYLOAD};

@@ -4,15 +4,15 @@ use kou_estimator::record;
 
 use super::cobs;
 
-/// Bytes of CRC behind the payload.
+/// Length of the CRC behind the payload.
 pub const CRC_LEN: usize = 4;
-/// Largest payload: a calibration record with its tag and its length.
+/// Largest payload: a calibration record with tag and length.
 pub const MAX_PAYLOAD: usize = record::calibration::MAX_LEN + 8;
-/// Largest frame before stuffing: payload and CRC.
+/// Largest frame before encoding: payload and CRC.
 pub const MAX_BODY: usize = MAX_PAYLOAD + CRC_LEN;
-/// Largest frame on the line, its closing zero included.
+/// Largest encoded frame including its delimiter.
 pub const MAX_FRAME: usize = cobs::max_encoded_len(MAX_BODY) + 1;
-/// Largest payload of a response: a refusal that names a field and says why.
+/// Largest payload of a response: a rejection that names a field and the reason.
 pub const MAX_RESPONSE_PAYLOAD: usize = 192;
-/// Largest response on the line, its closing zero included.
+/// Largest encoded response including its delimiter.
 pub const MAX_RESPONSE_FRAME: usize = cobs::max_encoded_len(MAX_RESPONSE_PAYLOAD + CRC_LEN) + 1;

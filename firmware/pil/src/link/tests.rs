@@ -1,4 +1,4 @@
-//! Frames and messages: good ones come through, bad ones are named, and nothing at all makes the receiver panic.
+//! Frames and messages: valid ones are decoded, invalid ones are named, and no input makes the decoder panic.
 
 use std::format;
 use std::vec;
@@ -17,7 +17,7 @@ fn request_frame(request: &Request<'_>) -> Vec<u8> {
     out
 }
 
-fn sample(random: &mut Random) -> Sample {
+fn sample(random: &mut SplitMix64) -> Sample {
     let time = Micros(random.next() >> random.below(64));
     let mut sample = Sample::empty(time);
     sample.pump_speed = Reading::new(time, RevPerMin(f32::from_bits(random.next() as u32)));
@@ -26,10 +26,10 @@ fn sample(random: &mut Random) -> Sample {
     sample
 }
 
-/// SplitMix64: the same cases in every run.
-struct Random(u64);
+/// SplitMix64 generator: the same cases in every run.
+struct SplitMix64(u64);
 
-impl Random {
+impl SplitMix64 {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -43,12 +43,12 @@ impl Random {
     }
 }
 
-/// What a stretch of bytes between two zeros is, worked out with other people's COBS.
-fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
+/// Expected result of a stretch of bytes between two zeros, by the `cobs` crate.
+fn oracle(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
     let body = match ::cobs::decode_vec(stretch) {
         Ok(body) if body.len() > capacity => return Err(FrameError::TooLong),
         Ok(body) => body,
-        // Cut: as many bytes came as it has, completed, without what completes it.
+        // Truncated: as many bytes as it has, completed, without what completes it.
         Err(_) => {
             let completed = |missing| ::cobs::decode_vec(&[stretch, &vec![1; missing]].concat()).ok();
             let received = || (1..255).find_map(|missing| Some(completed(missing)?.len() - missing)).unwrap();
@@ -71,7 +71,7 @@ fn referee(stretch: &[u8], capacity: usize) -> Result<Vec<u8>, FrameError> {
 }
 
 #[test]
-fn the_examples_of_the_documentation_hold() {
+fn examples_of_the_documentation_hold() {
     assert_eq!(request_frame(&Request::Hello), [0x01, 0x05, 0x8D, 0xEF, 0x02, 0xD2, 0x00]);
 
     let now = Micros(1_000_000);
@@ -94,14 +94,14 @@ fn the_examples_of_the_documentation_hold() {
 }
 
 #[test]
-fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_referee_does() {
-    let mut random = Random(1);
+fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_oracle() {
+    let mut random = SplitMix64(1);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     let record = [0x5A; 500];
-    let mut judged: u32 = 0;
+    let mut decoded: u32 = 0;
     let mut by_error = [0_u32; 7];
-    while judged < 1_000_000 {
-        // One to three pieces run together where their closing zeros are cut off.
+    while decoded < 1_000_000 {
+        // One to three pieces run together where their delimiters are cut off.
         let mut stretch = Vec::new();
         for _ in 0..=random.below(3) / 2 {
             let mut bytes = match random.below(12) {
@@ -113,7 +113,7 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
                 2 if random.below(50) == 0 => request_frame(&Request::LoadCalibration(&record)),
                 3..=6 => request_frame(&Request::Sample(sample(&mut random))),
                 7 => request_frame(&Request::Status),
-                // A message that is none, in a good frame.
+                // An invalid message in a valid frame.
                 _ => {
                     let len = random.below(4) + 1;
                     let payload: Vec<u8> = (0..len).map(|_| random.below(8) as u8).collect();
@@ -136,7 +136,7 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
         for &byte in stretch.iter().chain(&[0, 0]) {
             let Some(outcome) = decoder.push(byte) else { continue };
             outcomes += 1;
-            let expected = referee(&stretch, MAX_BODY);
+            let expected = oracle(&stretch, MAX_BODY);
             assert_eq!(outcome.map(<[u8]>::to_vec), expected, "{stretch:02x?}");
             let class = match outcome.and_then(decode_request) {
                 Ok(_) => 6,
@@ -145,14 +145,14 @@ fn a_million_random_damaged_and_cut_frames_are_each_judged_once_and_as_the_refer
             by_error[class] += 1;
         }
         assert_eq!(outcomes, u32::from(!stretch.is_empty()), "{stretch:02x?}");
-        judged += outcomes;
+        decoded += outcomes;
     }
     assert!(by_error.iter().all(|&count| count > 50), "too few of some kind: {by_error:?}");
 }
 
 #[test]
-fn every_good_frame_behind_garbage_is_understood() {
-    let mut random = Random(2);
+fn every_valid_frame_behind_garbage_is_decoded() {
+    let mut random = SplitMix64(2);
     let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
     for _ in 0..20_000 {
         let garbage = random.below(40);
@@ -168,13 +168,13 @@ fn every_good_frame_behind_garbage_is_understood() {
         }
         let payload = decoder.push(*last).unwrap().unwrap();
         let Request::Sample(received) = decode_request(payload).unwrap() else { panic!("not a sample") };
-        // Compared as text: readings may be NaN, which equals nothing.
+        // Compared as text: readings may be NaN, which is unequal to itself.
         assert_eq!(format!("{received:?}"), format!("{sample:?}"));
     }
 }
 
 #[test]
-fn counts_of_messages_are_those_of_the_enums() {
+fn message_counts_match_the_enums() {
     let tag = |frame: &[u8]| {
         let mut decoder = FrameDecoder::<{ MAX_BODY }>::new();
         frame
@@ -190,14 +190,15 @@ fn counts_of_messages_are_those_of_the_enums() {
 }
 
 #[test]
-fn the_largest_messages_fit_their_frames() {
+fn largest_messages_fit_their_frames() {
     let record = [0xA5; kou_estimator::record::calibration::MAX_LEN];
     assert!(request_frame(&Request::LoadCalibration(&record)).len() <= MAX_FRAME);
     let mut out = [0; MAX_RESPONSE_FRAME];
     let text = |len| core::str::from_utf8(&[b'x'; 128][..len]).map(std::string::String::from).unwrap();
-    let refusal = Refusal::Field { field: text(48), problem: FieldProblem::Inconsistent(text(128)) };
+    let rejection =
+        CalibrationRejection::Field { field: text(48), problem: FieldProblem::Inconsistent(text(128)) };
     let full = u32::MAX;
-    let counts = Counts {
+    let counts = LinkCounts {
         frames_ok: full,
         frames_too_long: full,
         frames_too_short: full,
@@ -208,21 +209,21 @@ fn the_largest_messages_fit_their_frames() {
         samples: full,
         samples_without_calibration: full,
         estimates_valid: full,
-        estimates_refused: full,
+        estimates_rejected: full,
         calibrations_accepted: full,
-        calibrations_refused: full,
+        calibrations_rejected: full,
         heartbeats: full,
     };
     let status =
         Status { uptime_us: u64::MAX, stack_high_water_bytes: full, calibration: Some(full), counts };
-    for response in [Response::CalibrationRejected(refusal), Response::Status(status)] {
+    for response in [Response::CalibrationRejected(rejection), Response::Status(status)] {
         encode::<{ MAX_RESPONSE_PAYLOAD + CRC_LEN }>(&response, &mut out).unwrap();
     }
     assert_eq!(counts.frames_rejected(), full, "the sum does not wrap");
 }
 
 #[test]
-fn a_message_with_bytes_behind_it_is_refused() {
+fn message_with_trailing_bytes_is_rejected() {
     assert_eq!(decode_request(&[0]), Ok(Request::Hello));
     assert_eq!(decode_request(&[0, 0]), Err(FrameError::Payload));
     assert_eq!(decode_request(&[]), Err(FrameError::Payload));

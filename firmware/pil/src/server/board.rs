@@ -1,6 +1,6 @@
-//! Facts that the server needs from the board it runs on.
+//! Board-specific functions that the server needs.
 
-/// What the tasks need to know from the board that they run on.
+/// Board on which the tasks run.
 pub trait Board {
     /// Name of the board's crate.
     const NAME: &'static str;

@@ -6,53 +6,53 @@ use kou_estimator::{Params, Sample};
 
 use super::counters::Counters;
 use super::in_flight::InFlight;
-use crate::link::{ErrorKind, Refusal, Response};
+use crate::link::{CalibrationRejection, ErrorKind, Response};
 
-/// Number of commands, and of responses, that may wait.
+/// Capacity of the queues of commands and of responses.
 pub const QUEUE_LEN: usize = 16;
 
-/// A response as the firmware makes it: its texts are literals.
-pub type Answer = Response<&'static str>;
+/// Response of the firmware, whose texts are literals.
+pub type ServerResponse = Response<&'static str>;
 
-/// What the link asks of the estimate task; made by `link in` from a request or from what was no request.
-// A sample is most of a hundred bytes and nearly every command is one: a box is neither possible nor useful.
-#[allow(clippy::large_enum_variant, reason = "the large variant is the usual one")]
+/// Command to the estimate task, made by the task `link in` from a request or a rejected frame.
+// A sample is most of a hundred bytes and almost every command is one: a box is neither possible nor useful.
+#[allow(clippy::large_enum_variant, reason = "the large variant is the most frequent one")]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Command {
-    /// Tell who is there.
+pub enum ServerCommand {
+    /// Identify.
     Hello,
-    /// Take the parameters that wait in [`Bus::candidate`] into use.
+    /// Activate the parameters in [`ServerChannels::candidate`].
     Adopt {
-        /// CRC-32 of the record that they come from.
+        /// CRC-32 of their record.
         crc: u32,
     },
-    /// Tell why a calibration was refused.
-    Refuse(Refusal<&'static str>),
+    /// Report why a calibration was rejected.
+    Reject(CalibrationRejection<&'static str>),
     /// Estimate.
     Sample(Sample),
-    /// Tell the counters.
+    /// Report counters and state.
     Status,
-    /// Tell that something was no request.
-    Complain(ErrorKind),
-    /// Tell that the firmware ends.
+    /// Report a rejected frame.
+    ReportError(ErrorKind),
+    /// Report the end of the firmware.
     Shutdown,
 }
 
-/// Channels and counters that the tasks share.
-pub struct Bus<M: RawMutex> {
+/// Channels and counters shared by the tasks.
+pub struct ServerChannels<M: RawMutex> {
     /// From `link in` to `estimate`.
-    pub commands: Channel<M, Command, QUEUE_LEN>,
-    /// Checked parameters on their way into use; apart from the commands because they are ten times as large.
+    pub commands: Channel<M, ServerCommand, QUEUE_LEN>,
+    /// Checked parameters to be activated; separate from the commands because they are ten times as large.
     pub candidate: Channel<M, Params, 1>,
     /// From `estimate` to `link out`.
-    pub responses: Channel<M, Answer, QUEUE_LEN>,
-    /// Requests taken from the line and not yet answered on it.
+    pub responses: Channel<M, ServerResponse, QUEUE_LEN>,
+    /// Requests received and not yet answered on the line.
     pub in_flight: InFlight<M>,
-    /// What has happened so far.
+    /// Event counters.
     pub counters: Counters,
 }
 
-impl<M: RawMutex> Bus<M> {
+impl<M: RawMutex> ServerChannels<M> {
     /// Empty channels.
     #[must_use]
     pub const fn new() -> Self {
@@ -66,7 +66,7 @@ impl<M: RawMutex> Bus<M> {
     }
 }
 
-impl<M: RawMutex> Default for Bus<M> {
+impl<M: RawMutex> Default for ServerChannels<M> {
     fn default() -> Self {
         Self::new()
     }

@@ -1,12 +1,12 @@
-//! Counters that any task may raise and any may read.
+//! Event counters, written by one task each and readable by all.
 //!
-//! Each counter has one task that raises it, so plain loads and stores suffice: no lock, and no count can be lost.
+//! A single writer per counter makes plain loads and stores sufficient: no lock, and no lost count.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::link::{Counts, FrameError};
+use crate::link::{FrameError, LinkCounts};
 
-/// A count that stays at its maximum instead of wrapping.
+/// Saturating counter.
 #[derive(Debug)]
 pub struct Counter(AtomicU32);
 
@@ -15,21 +15,21 @@ impl Counter {
         Self(AtomicU32::new(0))
     }
 
-    /// Raises the count by one. Call it from one task only.
-    pub fn raise(&self) {
+    /// Increments the counter. To be called from one task only.
+    pub fn increment(&self) {
         self.0.store(self.get().saturating_add(1), Ordering::Relaxed);
     }
 
-    /// The count.
+    /// Present count.
     #[must_use]
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// All counters; [`Counts`] says what each of them counts.
+/// Event counters; [`LinkCounts`] describes each of them.
 #[derive(Debug)]
-#[allow(missing_docs, reason = "the fields are those of `Counts`, described there")]
+#[allow(missing_docs, reason = "the fields are those of `LinkCounts`, described there")]
 pub struct Counters {
     pub frames_ok: Counter,
     pub frames_too_long: Counter,
@@ -41,14 +41,14 @@ pub struct Counters {
     pub samples: Counter,
     pub samples_without_calibration: Counter,
     pub estimates_valid: Counter,
-    pub estimates_refused: Counter,
+    pub estimates_rejected: Counter,
     pub calibrations_accepted: Counter,
-    pub calibrations_refused: Counter,
+    pub calibrations_rejected: Counter,
     pub heartbeats: Counter,
 }
 
 impl Counters {
-    /// Every count at zero.
+    /// All counters zero.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -62,16 +62,16 @@ impl Counters {
             samples: Counter::new(),
             samples_without_calibration: Counter::new(),
             estimates_valid: Counter::new(),
-            estimates_refused: Counter::new(),
+            estimates_rejected: Counter::new(),
             calibrations_accepted: Counter::new(),
-            calibrations_refused: Counter::new(),
+            calibrations_rejected: Counter::new(),
             heartbeats: Counter::new(),
         }
     }
 
-    /// The counter of frames refused for this reason.
+    /// Counter of frames rejected for this reason.
     #[must_use]
-    pub const fn of(&self, error: FrameError) -> &Counter {
+    pub const fn of_error(&self, error: FrameError) -> &Counter {
         match error {
             FrameError::TooLong => &self.frames_too_long,
             FrameError::TooShort => &self.frames_too_short,
@@ -82,10 +82,10 @@ impl Counters {
         }
     }
 
-    /// All counts as they stand now.
+    /// Present counts.
     #[must_use]
-    pub fn read(&self) -> Counts {
-        Counts {
+    pub fn read(&self) -> LinkCounts {
+        LinkCounts {
             frames_ok: self.frames_ok.get(),
             frames_too_long: self.frames_too_long.get(),
             frames_too_short: self.frames_too_short.get(),
@@ -96,9 +96,9 @@ impl Counters {
             samples: self.samples.get(),
             samples_without_calibration: self.samples_without_calibration.get(),
             estimates_valid: self.estimates_valid.get(),
-            estimates_refused: self.estimates_refused.get(),
+            estimates_rejected: self.estimates_rejected.get(),
             calibrations_accepted: self.calibrations_accepted.get(),
-            calibrations_refused: self.calibrations_refused.get(),
+            calibrations_rejected: self.calibrations_rejected.get(),
             heartbeats: self.heartbeats.get(),
         }
     }

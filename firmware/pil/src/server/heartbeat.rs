@@ -1,26 +1,26 @@
-//! Task `heartbeat`: proves that time passes, and logs what has changed since the last beat.
+//! Task `heartbeat`: logs the link's activity periodically, as a sign of life.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
-use super::channels::Bus;
-use crate::link::Counts;
+use super::channels::ServerChannels;
+use crate::link::LinkCounts;
 use crate::log::log;
 
-/// What the link is doing, as seen from one beat to the next.
+/// Activity of the link during one period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 enum Activity {
     /// No calibration has been accepted.
     WaitingForCalibration,
-    /// Calibrated, but no sample has come since the last beat.
+    /// Calibrated, but without a sample in this period.
     Idle,
-    /// Samples come.
+    /// Samples arrive.
     Running,
 }
 
 impl Activity {
-    fn between(before: &Counts, now: &Counts) -> Self {
+    fn between(before: &LinkCounts, now: &LinkCounts) -> Self {
         if now.calibrations_accepted == 0 {
             Self::WaitingForCalibration
         } else if now.samples == before.samples {
@@ -31,23 +31,27 @@ impl Activity {
     }
 }
 
-/// Beats for ever.
-pub async fn run_heartbeat<M: RawMutex>(bus: &Bus<M>, period: Duration) -> ! {
+/// Runs the heartbeat task; never returns.
+pub async fn run_heartbeat<M: RawMutex>(channels: &ServerChannels<M>, period: Duration) -> ! {
     let mut ticker = Ticker::every(period);
-    let mut before = bus.counters.read();
+    let mut before = channels.counters.read();
     let mut activity = None;
     loop {
         ticker.next().await;
-        bus.counters.heartbeats.raise();
-        let now = bus.counters.read();
+        channels.counters.heartbeats.increment();
+        let now = channels.counters.read();
         let present = Activity::between(&before, &now);
         if activity != Some(present) {
             log!(info, "link: {}, {=u32} samples so far", present, now.samples);
             activity = Some(present);
         }
-        let (refused, refused_before) = (now.frames_refused(), before.frames_refused());
-        if refused != refused_before {
-            log!(warn, "frames refused: {=u32} since the last beat", refused.saturating_sub(refused_before));
+        let (rejected, rejected_before) = (now.frames_rejected(), before.frames_rejected());
+        if rejected != rejected_before {
+            log!(
+                warn,
+                "frames rejected: {=u32} since the last beat",
+                rejected.saturating_sub(rejected_before)
+            );
         }
         before = now;
     }

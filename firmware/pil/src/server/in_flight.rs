@@ -1,14 +1,14 @@
-//! How many requests have been taken from the line and not yet been answered on it.
+//! Count of requests that were received and not yet answered on the line.
 //!
-//! A line whose read blocks the whole processor (semihosting) must not be read while an answer is still on its way: the
-//! host would wait for the answer and the processor for the host. Such a line awaits [`InFlight::quiet`] first.
+//! A line whose read blocks the whole processor (semihosting) must not be read while an answer is pending: host and
+//! processor would wait for each other. Such a line awaits [`InFlight::wait_idle`] first.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::signal::Signal;
 
-/// Count of unanswered requests. All its users run in one executor.
+/// Counter of unanswered requests. All its users run in one executor.
 pub struct InFlight<M: RawMutex> {
     count: AtomicU32,
     emptied: Signal<M, ()>,
@@ -19,20 +19,20 @@ impl<M: RawMutex> InFlight<M> {
         Self { count: AtomicU32::new(0), emptied: Signal::new() }
     }
 
-    /// One request was taken from the line.
-    pub(super) fn taken(&self) {
+    /// Counts a received request.
+    pub(super) fn begin(&self) {
         self.count.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// `answered` responses have left on the line.
-    pub(super) fn answered(&self, answered: u32) {
+    /// Counts `answered` responses sent on the line.
+    pub(super) fn complete(&self, answered: u32) {
         if self.count.fetch_sub(answered, Ordering::Relaxed) == answered {
             self.emptied.signal(());
         }
     }
 
-    /// Waits until every request has been answered on the line. One task only may wait.
-    pub async fn quiet(&self) {
+    /// Waits until every request has been answered on the line. Only one task may wait.
+    pub async fn wait_idle(&self) {
         // The signal may be left over from an earlier time, so the count decides.
         while self.count.load(Ordering::Relaxed) != 0 {
             self.emptied.wait().await;

@@ -1,13 +1,13 @@
 //! Reason for which a link task has ended.
 
-/// Why a link task ended. A board decides what follows: the tasks themselves hold no opinion.
+/// Reason for which a link task has ended. The board decides what follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LinkEnd {
-    /// The line was closed by the other side.
+    /// The other side closed the line.
     Closed,
     /// The line failed.
     Failed,
-    /// The host asked for the end, and has its answer.
+    /// The host requested a shutdown, and has been answered.
     Shutdown,
 }

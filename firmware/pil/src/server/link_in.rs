@@ -1,20 +1,24 @@
-//! Task `link in`: bytes from the line into commands.
+//! Task `link in`: decodes received bytes into commands.
 //!
-//! Calibrations are decoded and checked here, so that a wrong one never reaches the estimate task. Whatever is no
-//! request becomes a complaint, which is answered in its turn like everything else.
+//! Calibrations are decoded and checked here, so that an invalid one never reaches the estimate task. A rejected
+//! frame becomes a command as well, and is answered in order.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embedded_io_async::Read;
 use kou_estimator::Params;
 use kou_estimator::record;
 
-use super::channels::{Bus, Command};
+use super::channels::{ServerChannels, ServerCommand};
 use super::link_end::LinkEnd;
-use crate::link::{ErrorKind, FrameDecoder, FrameError, Refusal, Request, decode_request};
+use crate::link::{CalibrationRejection, ErrorKind, FrameDecoder, FrameError, Request, decode_request};
 use crate::log::log;
 
 /// Reads requests until the line ends. `chunk` is the buffer of one read.
-pub async fn run_link_in<M: RawMutex>(bus: &Bus<M>, line: &mut impl Read, chunk: &mut [u8]) -> LinkEnd {
+pub async fn run_link_in<M: RawMutex>(
+    channels: &ServerChannels<M>,
+    line: &mut impl Read,
+    chunk: &mut [u8],
+) -> LinkEnd {
     let mut decoder = FrameDecoder::<{ crate::link::MAX_BODY }>::new();
     loop {
         let received = match line.read(chunk).await {
@@ -24,53 +28,56 @@ pub async fn run_link_in<M: RawMutex>(bus: &Bus<M>, line: &mut impl Read, chunk:
         };
         for &byte in chunk.iter().take(received) {
             if let Some(frame) = decoder.push(byte) {
-                let command = command(bus, frame.and_then(decode_request)).await;
-                bus.in_flight.taken();
-                bus.commands.send(command).await;
+                let command = command(channels, frame.and_then(decode_request)).await;
+                channels.in_flight.begin();
+                channels.commands.send(command).await;
             }
         }
     }
 }
 
-/// Turns a request, or what was none, into a command.
-async fn command<M: RawMutex>(bus: &Bus<M>, request: Result<Request<'_>, FrameError>) -> Command {
+/// Command of a request or of a rejected frame.
+async fn command<M: RawMutex>(
+    channels: &ServerChannels<M>,
+    request: Result<Request<'_>, FrameError>,
+) -> ServerCommand {
     let request = match request {
         Ok(request) => {
-            bus.counters.frames_ok.raise();
+            channels.counters.frames_ok.increment();
             request
         }
         Err(error) => {
-            bus.counters.of(error).raise();
-            return Command::Complain(ErrorKind::Frame(error));
+            channels.counters.of_error(error).increment();
+            return ServerCommand::ReportError(ErrorKind::Frame(error));
         }
     };
     match request {
-        Request::Hello => Command::Hello,
+        Request::Hello => ServerCommand::Hello,
         Request::LoadCalibration(bytes) => match read_calibration(bytes) {
             Ok((params, crc)) => {
-                bus.counters.calibrations_accepted.raise();
-                bus.candidate.send(params).await;
-                Command::Adopt { crc }
+                channels.counters.calibrations_accepted.increment();
+                channels.candidate.send(params).await;
+                ServerCommand::Adopt { crc }
             }
-            Err(refusal) => {
-                bus.counters.calibrations_refused.raise();
-                log!(warn, "calibration refused");
-                Command::Refuse(refusal)
+            Err(rejection) => {
+                channels.counters.calibrations_rejected.increment();
+                log!(warn, "calibration rejected");
+                ServerCommand::Reject(rejection)
             }
         },
         Request::Sample(sample) => {
-            bus.counters.samples.raise();
-            Command::Sample(sample)
+            channels.counters.samples.increment();
+            ServerCommand::Sample(sample)
         }
-        Request::Status => Command::Status,
-        Request::Shutdown => Command::Shutdown,
+        Request::Status => ServerCommand::Status,
+        Request::Shutdown => ServerCommand::Shutdown,
     }
 }
 
-/// Parameters of a record that is whole and whose every field passes its check, with the record's CRC-32.
-// Not inlined: its temporaries are large, and inlined they would live in the task for good.
+/// Parameters and CRC-32 of an intact record whose every field passes its check.
+// Not inlined: its large temporaries would otherwise occupy the task's memory permanently.
 #[inline(never)]
-fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), Refusal<&'static str>> {
+fn read_calibration(bytes: &[u8]) -> Result<(Params, u32), CalibrationRejection<&'static str>> {
     let calibration = record::calibration::decode(bytes)?;
     let params = Params::new(&calibration)?;
     let crc = bytes.last_chunk().map_or(0, |crc| u32::from_le_bytes(*crc));

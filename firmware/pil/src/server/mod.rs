@@ -1,13 +1,13 @@
-//! The firmware's tasks and what stands between them.
+//! Server on the target: tasks that answer the messages of the link.
 //!
 //! ```text
 //! line --> link in --commands--> estimate --responses--> link out --> line
 //!             \----candidate----/              heartbeat (watches the counters)
 //! ```
 //!
-//! Every task is a plain async function, generic over the line and the board; a board crate wraps each in an executor's
-//! task. All of them share one [`Bus`], which lives in a static. Commands and responses are queues, so answers leave in
-//! the order of the requests; a full queue holds its sender back, which holds the line back: nothing is ever dropped.
+//! Every task is a plain async function, generic over line and board; a board crate wraps each in an executor's task.
+//! All tasks share one [`ServerChannels`], which is a static. Commands and responses are queued, so answers are in
+//! the order of the requests; a full queue blocks its sender and thereby the line: nothing is ever dropped.
 
 mod board;
 mod channels;
@@ -22,7 +22,7 @@ mod link_out;
 mod tests;
 
 pub use board::Board;
-pub use channels::{Answer, Bus, Command, QUEUE_LEN};
+pub use channels::{QUEUE_LEN, ServerChannels, ServerCommand, ServerResponse};
 pub use counters::Counters;
 pub use estimate::run_estimate;
 pub use heartbeat::run_heartbeat;

@@ -1,4 +1,4 @@
-//! The tasks together, on the host, on a line made of memory.
+//! All tasks together, on the host, on a line in memory.
 
 use core::future::Future;
 use core::pin::pin;
@@ -32,21 +32,21 @@ impl Board for TestBoard {
     }
 }
 
-/// A line that hands over `piece` bytes at a time, then closes; as semihosting does, only when all is answered.
-struct Memory<'a> {
+/// Line that returns `piece` bytes at a time and then closes; like semihosting, only when all is answered.
+struct MemoryLine<'a> {
     bytes: &'a [u8],
     piece: usize,
     in_flight: Option<&'a InFlight<NoopRawMutex>>,
 }
 
-impl ErrorType for Memory<'_> {
+impl ErrorType for MemoryLine<'_> {
     type Error = ErrorKind;
 }
 
-impl Read for Memory<'_> {
+impl Read for MemoryLine<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, ErrorKind> {
         if let Some(in_flight) = self.in_flight {
-            in_flight.quiet().await;
+            in_flight.wait_idle().await;
         }
         let len = self.piece.min(buffer.len()).min(self.bytes.len());
         let (now, later) = self.bytes.split_at(len);
@@ -57,13 +57,13 @@ impl Read for Memory<'_> {
 }
 
 #[derive(Default)]
-struct Written(Vec<u8>);
+struct WrittenBytes(Vec<u8>);
 
-impl ErrorType for Written {
+impl ErrorType for WrittenBytes {
     type Error = ErrorKind;
 }
 
-impl Write for Written {
+impl Write for WrittenBytes {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         self.0.extend_from_slice(bytes);
         Ok(bytes.len())
@@ -84,19 +84,19 @@ fn frames(requests: &[Request<'_>]) -> Vec<u8> {
     all
 }
 
-/// Everything the firmware answers to `bytes`, read `piece` at a time.
+/// Responses of the firmware to `bytes`, read `piece` at a time.
 fn answers(bytes: &[u8], piece: usize, blocking: bool) -> Vec<Response<std::string::String>> {
-    let bus = Bus::<NoopRawMutex>::new();
-    let mut written = Written::default();
-    let in_flight = blocking.then_some(&bus.in_flight);
-    let mut line = Memory { bytes, piece, in_flight };
+    let channels = ServerChannels::<NoopRawMutex>::new();
+    let mut written = WrittenBytes::default();
+    let in_flight = blocking.then_some(&channels.in_flight);
+    let mut line = MemoryLine { bytes, piece, in_flight };
     let mut chunk = [0; 64];
     block_on(select4(
-        run_link_out(&bus, &mut written),
-        run_estimate(&bus, &TestBoard),
+        run_link_out(&channels, &mut written),
+        run_estimate(&channels, &TestBoard),
         async {
-            assert_eq!(run_link_in(&bus, &mut line, &mut chunk).await, LinkEnd::Closed);
-            bus.in_flight.quiet().await;
+            assert_eq!(run_link_in(&channels, &mut line, &mut chunk).await, LinkEnd::Closed);
+            channels.in_flight.wait_idle().await;
         },
         never(),
     ));
@@ -116,7 +116,7 @@ fn never() -> impl Future<Output = ()> {
 
 #[test]
 fn every_request_has_one_answer_in_order_however_the_bytes_arrive() {
-    // More requests than the queues hold, so that every task is held back at some time.
+    // More requests than the queues hold, so that every task is blocked at some time.
     let mut bytes = Vec::new();
     for i in 0..200_u64 {
         bytes.extend(frames(&[Request::Sample(Sample::empty(Micros(i)))]));
@@ -146,7 +146,7 @@ fn every_request_has_one_answer_in_order_however_the_bytes_arrive() {
 }
 
 #[test]
-fn a_record_that_is_none_is_refused_and_counted() {
+fn invalid_record_is_rejected_and_counted() {
     let requests =
         [Request::LoadCalibration(b"KOUC nonsense"), Request::LoadCalibration(&[]), Request::Status];
     let answers = answers(&frames(&requests), 64, true);
@@ -162,16 +162,16 @@ fn a_record_that_is_none_is_refused_and_counted() {
 
 #[test]
 fn shutdown_is_answered_before_the_link_ends() {
-    let bus = Bus::<NoopRawMutex>::new();
-    let mut written = Written::default();
+    let channels = ServerChannels::<NoopRawMutex>::new();
+    let mut written = WrittenBytes::default();
     let bytes = frames(&[Request::Shutdown]);
-    let mut line = Memory { bytes: &bytes, piece: 64, in_flight: Some(&bus.in_flight) };
+    let mut line = MemoryLine { bytes: &bytes, piece: 64, in_flight: Some(&channels.in_flight) };
     let mut chunk = [0; 64];
     let end = block_on(select4(
-        run_link_out(&bus, &mut written),
-        run_estimate(&bus, &TestBoard),
+        run_link_out(&channels, &mut written),
+        run_estimate(&channels, &TestBoard),
         async {
-            run_link_in(&bus, &mut line, &mut chunk).await;
+            run_link_in(&channels, &mut line, &mut chunk).await;
             never().await;
         },
         never(),
@@ -182,23 +182,23 @@ fn shutdown_is_answered_before_the_link_ends() {
 
 fn frames_of_shutting_down() -> Vec<u8> {
     let mut out = vec![0; MAX_FRAME];
-    let len = encode::<MAX_BODY>(&Answer::ShuttingDown, &mut out).unwrap();
+    let len = encode::<MAX_BODY>(&ServerResponse::ShuttingDown, &mut out).unwrap();
     out.truncate(len);
     out
 }
 
 #[test]
-fn the_heart_beats_as_time_passes_and_not_otherwise() {
-    let bus = Bus::<NoopRawMutex>::new();
+fn heartbeat_counts_elapsed_periods_only() {
+    let channels = ServerChannels::<NoopRawMutex>::new();
     let clock = MockDriver::get();
-    let mut heartbeat = pin!(run_heartbeat(&bus, Duration::from_millis(100)));
+    let mut heartbeat = pin!(run_heartbeat(&channels, Duration::from_millis(100)));
     assert!(poll_once(heartbeat.as_mut()).is_pending());
     for beats in 1..=5 {
         clock.advance(Duration::from_millis(99));
         assert!(poll_once(heartbeat.as_mut()).is_pending());
-        assert_eq!(bus.counters.heartbeats.get(), beats - 1);
+        assert_eq!(channels.counters.heartbeats.get(), beats - 1);
         clock.advance(Duration::from_millis(1));
         assert!(poll_once(heartbeat.as_mut()).is_pending());
-        assert_eq!(bus.counters.heartbeats.get(), beats);
+        assert_eq!(channels.counters.heartbeats.get(), beats);
     }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use kou_app::controller::TaskStatsSnapshot;
 use kou_app::diagnostics::ResetCause;
-use kou_emulation::{Begin, Order, TickReply};
+use kou_emulation::{EmulationStart, Order, TickReply};
 use kou_estimator::Calibration;
 use kou_lumped::machine::Machine;
 
@@ -35,12 +35,12 @@ pub fn run(
     mut progress: impl FnMut(u64),
 ) -> Result<LoopReport, LoopError> {
     let mut closed_loop = ClosedLoop::new(machine, calibration, scenario)?;
-    let begin = Begin {
+    let begin = EmulationStart {
         default: record,
         key: Some(key_of(scenario)),
         cause: ResetCause::PowerOn,
-        note: None,
-        keep_s: scenario.keep_s,
+        crash_record: None,
+        write_period_s: scenario.keep_s,
     };
     let mut controller = Some(EmulatedController::start(options, &begin)?);
     let started = Instant::now();
@@ -50,7 +50,7 @@ pub fn run(
         if controller.is_none() && ms >= back_ms {
             controller = Some(EmulatedController::start(
                 options,
-                &Begin { cause: ResetCause::BrownOut, ..begin.clone() },
+                &EmulationStart { cause: ResetCause::BrownOut, ..begin.clone() },
             )?);
         }
         let time_s = ms as f64 * 1e-3;
@@ -131,8 +131,8 @@ impl ClosedLoop {
             self.outages.push(time_s, output);
             self.in_use.push(output, request.sample.as_ref(), &self.tool);
         }
-        if let Some(vitals) = request.vitals {
-            self.last = (vitals, request.stack_bytes);
+        if let Some(task_stats) = request.task_stats {
+            self.last = (task_stats, request.stack_bytes);
         }
         let mut can = self.bus.millisecond(time_s, &request.can);
         if let Some(frame) = self.tool.millisecond(time_s, &request.can) {
@@ -151,11 +151,11 @@ impl ClosedLoop {
     }
 
     fn missed_deadlines(&self) -> u64 {
-        self.missed_before + self.last.0.iter().map(|vital| u64::from(vital.missed)).sum::<u64>()
+        self.missed_before + self.last.0.iter().map(|stats| u64::from(stats.missed)).sum::<u64>()
     }
 
     fn report(&self, scenario: &Scenario, elapsed_s: f64) -> LoopReport {
-        let (vitals, stack_bytes) = self.last;
+        let (task_stats, stack_bytes) = self.last;
         let findings = self.check.findings();
         let (outages, updates, law) = (self.outages.findings(), self.tool.findings(), self.in_use.finding());
         let missed_deadlines = self.missed_deadlines();
@@ -165,7 +165,7 @@ impl ClosedLoop {
             && updates.iter().all(|finding| finding.met)
             && law.foreign == 0;
         let faults = StoredRecords::read(self.flash.cells()).ok().and_then(|records| records.faults);
-        let troubles = faults.iter().flat_map(|memory| memory.entries());
+        let dtcs = faults.iter().flat_map(|memory| memory.entries());
         LoopReport {
             scenario: scenario.name.clone(),
             simulated_s: scenario.duration_s,
@@ -178,15 +178,15 @@ impl ClosedLoop {
             outages,
             updates,
             law,
-            troubles: troubles
+            faults: dtcs
                 .map(|entry| (entry.code().map_or_else(String::new, |c| format!("{c:?}")), entry.occurrences))
                 .collect(),
             erasures: self.flash.cells().erasures() as u64,
             bus: self.bus.traffic(),
             missed_deadlines,
-            latest_us: vitals.iter().map(|vital| vital.latest_us).max().unwrap_or(0),
-            longest_us: vitals.map(|vital| vital.longest_us),
-            turns: vitals.map(|vital| vital.turns),
+            max_jitter_us: task_stats.iter().map(|stats| stats.max_jitter_us).max().unwrap_or(0),
+            max_execution_us: task_stats.map(|stats| stats.max_execution_us),
+            cycles: task_stats.map(|stats| stats.cycles),
             stack_bytes,
         }
     }

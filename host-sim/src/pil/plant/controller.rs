@@ -2,7 +2,9 @@
 
 use std::time::Instant;
 
-use kou_emulation::{Begin, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack};
+use kou_emulation::{
+    EmulationStart, FirmwareMessage, FlashDone, MAX_LEN, Order, TickReply, TickReport, pack, unpack,
+};
 
 use super::emulated_flash::{EmulatedFlash, FlashOutcome};
 use crate::pil::error::PilError;
@@ -31,7 +33,7 @@ impl EmulatedController {
     ///
     /// # Errors
     /// When QEMU or the firmware is missing or does not start.
-    pub fn start(options: &PilOptions, begin: &Begin<'_>) -> Result<Self, PilError> {
+    pub fn start(options: &PilOptions, begin: &EmulationStart<'_>) -> Result<Self, PilError> {
         let mut controller = Self { link: QemuLink::start(options, &[])?, pending: Vec::new() };
         controller.send_packed(begin)?;
         Ok(controller)

@@ -9,7 +9,9 @@ use std::task::{Context, Poll, Waker};
 
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use kou_app::diagnostics::FaultMemory;
-use kou_app::storage::{CrashReport, HealthRecord, Kind, OperatingCounters, Store, StoredCalibration, UpdateCounter};
+use kou_app::storage::{
+    CrashReport, HealthRecord, OperatingCounters, RecordKind, Store, StoredCalibration, UpdateCounter,
+};
 use kou_emulation::RamFlash;
 use kou_emulation::ram_flash::Torn;
 use kou_emulation::{FLASH_LEN, FLASH_PAGE, FlashDone, FlashWork};
@@ -21,7 +23,7 @@ pub type FlashCells = RamFlash<FLASH_LEN, FLASH_PAGE>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CutPoint {
     /// Record whose next write is cut.
-    pub kind: Kind,
+    pub kind: RecordKind,
     /// Bytes written before the cut, both copies and moved records counted; runs of 64 erased bytes count one.
     pub byte: usize,
     /// Seed of the torn word's content.
@@ -46,7 +48,7 @@ pub struct EmulatedFlash {
     /// Cut within the current write.
     armed: Option<CutPoint>,
     /// Record that the last operation was part of.
-    record: Option<Kind>,
+    record: Option<RecordKind>,
     /// Cells as they were before the write that was cut.
     before: Option<Box<FlashCells>>,
 }
@@ -133,7 +135,7 @@ impl EmulatedFlash {
     /// Notes which record is being written, so that begin and end of a write are known. To be called with every operation and
     /// every millisecond.
     pub fn observe_write(&mut self, record: Option<u8>) {
-        let record = record.and_then(Kind::from_number);
+        let record = record.and_then(RecordKind::from_number);
         let begins = record != self.record;
         if begins && let Some(armed) = self.armed.take() {
             // That write was shorter than the cut point: the next one of its record, then.

@@ -2,7 +2,7 @@
 
 use kou_app::controller::NoEstimate;
 use kou_app::diagnostics::{FaultCode, FaultMemory};
-use kou_app::storage::Kind;
+use kou_app::storage::RecordKind;
 use kou_estimator::record;
 use kou_estimator::units::Micros;
 use kou_estimator::{Calibration, Estimate, Params, Sample, State, step};
@@ -34,7 +34,8 @@ pub struct OutageFinding {
     /// Level of leakage in the last output before the failure.
     pub level_before: f64,
     /// Level of leakage in flash.
-    pub level_kept: Option<f64>,
+    #[serde(rename = "level_kept")]
+    pub level_stored: Option<f64>,
     /// Level of leakage in the outputs after the restart.
     pub level_after: Option<f64>,
     /// Operating time in flash before and after, s.
@@ -42,7 +43,8 @@ pub struct OutageFinding {
     /// Starts in flash before and after.
     pub starts: [u32; 2],
     /// Trouble codes in flash before and after.
-    pub troubles: [usize; 2],
+    #[serde(rename = "troubles")]
+    pub faults: [usize; 2],
     /// Lost data.
     pub lost: Vec<String>,
     /// Whether nothing was lost.
@@ -69,8 +71,8 @@ pub struct Outages {
     powered_s: f64,
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
-    Kind::ALL.into_iter().find(|kind| kind.name() == name)
+fn kind_of(name: &str) -> Option<RecordKind> {
+    RecordKind::ALL.into_iter().find(|kind| kind.name() == name)
 }
 
 impl Outages {
@@ -132,11 +134,11 @@ impl Outages {
             first_output_s: None,
             valid_s: None,
             level_before: level,
-            level_kept: None,
+            level_stored: None,
             level_after: None,
             operating_s: [0; 2],
             starts: [0; 2],
-            troubles: [0; 2],
+            faults: [0; 2],
             lost: Vec::new(),
             met: false,
         };
@@ -144,7 +146,7 @@ impl Outages {
             (Some(Ok(before)), Ok(now)) => {
                 finding.found = Some(if before == now { "old" } else { "new" });
                 let stored = restored_level(&self.calibration, &now);
-                finding.level_kept = stored.map(f64::from);
+                finding.level_stored = stored.map(f64::from);
                 outage.expected_level = stored.map(f32::to_bits);
                 outage.before = Some(before);
             }
@@ -188,11 +190,11 @@ impl Outages {
                 first_output_s: None,
                 valid_s: None,
                 level_before: 0.0,
-                level_kept: None,
+                level_stored: None,
                 level_after: None,
                 operating_s: [0; 2],
                 starts: [0; 2],
-                troubles: [0; 2],
+                faults: [0; 2],
                 lost: vec!["the supply never failed: no such write came".into()],
                 met: false,
             })
@@ -232,7 +234,7 @@ impl Outage {
         let lives = [before.life.unwrap_or_default(), after.life.unwrap_or_default()];
         finding.operating_s = lives.map(|life| life.operating_s);
         finding.starts = lives.map(|life| life.starts);
-        finding.troubles =
+        finding.faults =
             [before, &after].map(|stored| stored.faults.as_ref().map_or(0, |f| f.entries().len()));
         let mut lost = |what: &str, is_lost: bool| {
             if is_lost {
@@ -243,7 +245,8 @@ impl Outage {
         lost("hours invented", f64::from(lives[1].operating_s) > powered_s);
         lost(
             "a start not counted",
-            lives[1].starts != lives[0].starts + 1 || lives[1].unplanned_resets != lives[0].unplanned_resets + 1,
+            lives[1].starts != lives[0].starts + 1
+                || lives[1].unplanned_resets != lives[0].unplanned_resets + 1,
         );
         let none = FaultMemory::new();
         let (old, new) = (before.faults.as_ref().unwrap_or(&none), after.faults.as_ref().unwrap_or(&none));

@@ -32,7 +32,8 @@ pub struct LoopReport {
     /// Calibration with which the outputs were computed.
     pub law: LawFinding,
     /// Trouble codes in flash at the end, and how often each occurred.
-    pub troubles: Vec<(String, u8)>,
+    #[serde(rename = "troubles")]
+    pub faults: Vec<(String, u8)>,
     /// Pages of flash erased.
     pub erasures: u64,
     /// Traffic on the bus.
@@ -40,11 +41,14 @@ pub struct LoopReport {
     /// Missed deadlines of all tasks.
     pub missed_deadlines: u64,
     /// Largest start jitter of any task, us.
-    pub latest_us: u32,
+    #[serde(rename = "latest_us")]
+    pub max_jitter_us: u32,
     /// Longest cycle of each task, us: sample, estimate, publish, store, supervise.
-    pub longest_us: [u32; 5],
+    #[serde(rename = "longest_us")]
+    pub max_execution_us: [u32; 5],
     /// Cycles of each task since the last start.
-    pub turns: [u32; 5],
+    #[serde(rename = "turns")]
+    pub cycles: [u32; 5],
     /// Deepest stack, bytes.
     pub stack_bytes: u32,
     /// Whether every expectation is met, no stored record is lost, every update ends as specified, no deadline is missed, and

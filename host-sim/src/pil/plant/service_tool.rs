@@ -80,8 +80,8 @@ impl ServiceTool {
                 key.reverse();
             }
             let bytes = buffer.get(..length).unwrap_or_default();
-            let transfer =
-                UpdateTransfer::new(bytes, update.counter, &Key::new(key)).map_err(|e| error(e.to_string()))?;
+            let transfer = UpdateTransfer::new(bytes, update.counter, &Key::new(key))
+                .map_err(|e| error(e.to_string()))?;
             Ok(UpdateTransaction {
                 update: update.clone(),
                 transfer,

@@ -65,7 +65,7 @@ impl ModuleTree {
         root: &Path,
         sources: &dyn Sources,
     ) -> Result<()> {
-        // A root's modules are looked for beside it, as those of a `mod.rs`.
+        // A root's modules lie next to it, as those of a `mod.rs`.
         let id = self.add_file(name.to_owned(), None, root.to_owned(), true, sources)?;
         if is_library {
             self.libraries.insert(name.to_owned(), id);
@@ -122,13 +122,13 @@ impl ModuleTree {
                     self.add_module(child_path, Some(id), file, &child_folder, items, sources)?
                 }
                 None => {
-                    let beside = collect::path_attribute(child)
+                    let flat = collect::path_attribute(child)
                         .map_or_else(|| folder.join(format!("{name}.rs")), |path| folder.join(path));
-                    let below = child_folder.join("mod.rs");
-                    let (file, owns_folder) = if sources.text(&beside).is_some() {
-                        (beside, false)
-                    } else if sources.text(&below).is_some() {
-                        (below, true)
+                    let nested = child_folder.join("mod.rs");
+                    let (file, owns_folder) = if sources.text(&flat).is_some() {
+                        (flat, false)
+                    } else if sources.text(&nested).is_some() {
+                        (nested, true)
                     } else {
                         bail!("{} declares `mod {name}`, which has no file", file.display())
                     };

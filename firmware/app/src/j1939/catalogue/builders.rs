@@ -17,13 +17,13 @@ pub(super) const fn plain(name: &'static str, start: u8, length: u8, comment: &'
     }
 }
 
-/// Texts are for the DBC file, which the host writes: firmware does without their kilobytes.
+/// Texts are for the DBC file, which only the host writes: without them the firmware is kilobytes smaller.
 const fn text(text: &'static str) -> &'static str {
     if cfg!(target_os = "none") { "" } else { text }
 }
 
 impl Message {
-    /// The message as firmware carries it: without what only the DBC file tells. On the host, whole.
+    /// The message without the parts that only the DBC file needs; on the host, complete.
     pub(super) const fn carried(self) -> Self {
         if cfg!(target_os = "none") { Self { name: "", signals: &[], comment: "", ..self } } else { self }
     }
@@ -40,7 +40,7 @@ pub(super) const fn state(
     Signal { coding: Coding::State, values, ..plain(name, start, length, comment) }
 }
 
-/// A measured quantity of 16 bits at byte `byte`, counted from 0.
+/// Measured quantity of 16 bits at byte `byte`, counted from 0.
 pub(super) const fn word(
     name: &'static str,
     byte: u8,

@@ -1,4 +1,4 @@
-//! Sent: troubles (J1939-73).
+//! Sent: diagnostic messages (SAE J1939-73).
 
 use super::builders::{plain, state, with_spn};
 use crate::j1939::id::Pgn;
@@ -6,24 +6,24 @@ use crate::j1939::signal::{Message, Sender, Signal};
 
 const LAMP: &[(u32, &str)] = &[(0, "off"), (1, "on")];
 const FLASH: &[(u32, &str)] = &[(0, "slow"), (1, "fast")];
-/// Lamp for protection of the machine.
+/// Protect lamp.
 pub const PROTECT_LAMP: Signal = with_spn(state("ProtectLamp", 0, 2, LAMP, "Protect lamp"), 987);
-/// Lamp for a warning.
+/// Amber warning lamp.
 pub const AMBER_LAMP: Signal = with_spn(state("AmberWarningLamp", 2, 2, LAMP, "Amber warning lamp"), 624);
-/// Lamp for stopping.
+/// Red stop lamp.
 pub const RED_LAMP: Signal = with_spn(state("RedStopLamp", 4, 2, LAMP, "Red stop lamp"), 623);
-/// Malfunction lamp, for emissions.
+/// Malfunction indicator lamp, for emissions.
 pub const MALFUNCTION_LAMP: Signal =
     with_spn(state("MalfunctionLamp", 6, 2, LAMP, "Malfunction indicator lamp"), 1213);
-/// Low 16 bits of the trouble's SPN.
-pub const DTC_SPN_LOW: Signal = plain("DtcSpnLow", 16, 16, "Low 16 bits of the trouble's SPN; 0: no trouble");
-/// Failure mode.
+/// Low 16 bits of the trouble code's SPN.
+pub const DTC_SPN_LOW: Signal = plain("DtcSpnLow", 16, 16, "Low 16 bits of the SPN; 0: no trouble code");
+/// Failure mode identifier.
 pub const DTC_FMI: Signal = plain("DtcFmi", 32, 5, "Failure mode identifier");
-/// High 3 bits of the trouble's SPN.
-pub const DTC_SPN_HIGH: Signal = plain("DtcSpnHigh", 37, 3, "High 3 bits of the trouble's SPN");
-/// How often it occurred.
+/// High 3 bits of the trouble code's SPN.
+pub const DTC_SPN_HIGH: Signal = plain("DtcSpnHigh", 37, 3, "High 3 bits of the SPN");
+/// Occurrence count.
 pub const DTC_COUNT: Signal = plain("DtcOccurrences", 40, 7, "Number of occurrences; 127: not known");
-/// How the SPN is written.
+/// SPN conversion method.
 pub const DTC_METHOD: Signal =
     plain("DtcConversionMethod", 47, 1, "SPN conversion method: 0, as laid out here");
 const TROUBLE_SIGNALS: &[Signal] = &[
@@ -41,7 +41,7 @@ const TROUBLE_SIGNALS: &[Signal] = &[
     DTC_COUNT,
     DTC_METHOD,
 ];
-/// Active troubles. With more than one, the list goes by transport protocol instead.
+/// Active trouble codes. A list of more than one is sent by transport protocol.
 pub const DM1: Message = Message {
     name: "DM1",
     pgn: Pgn::new(65226),
@@ -50,15 +50,15 @@ pub const DM1: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: TROUBLE_SIGNALS,
-    comment: "Active troubles: at most one; with more, the list goes by transport protocol",
+    comment: "Active trouble codes: at most one; more are sent by transport protocol",
 }
 .carried();
-/// Previously active troubles, likewise.
+/// Previously active trouble codes, sent likewise.
 pub const DM2: Message = Message {
     name: "DM2",
     pgn: Pgn::new(65227),
     period_ms: 0,
-    comment: "Previously active troubles, on request; with more than one by transport protocol",
+    comment: "Previously active trouble codes, on request; more than one by transport protocol",
     ..DM1
 }
 .carried();

@@ -1,4 +1,4 @@
-//! Received: the drive's own messages as an alternative to own sensors (J1939-71).
+//! Received: messages of the drive's other controllers as an alternative to own sensors (SAE J1939-71).
 
 use super::builders::{with_spn, word};
 use crate::j1939::id::Pgn;

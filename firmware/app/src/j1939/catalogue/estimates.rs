@@ -4,15 +4,15 @@ use super::builders::{plain, state, word};
 use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
-/// A leakage coefficient: the largest that a calibration may allow, 100, is a fortieth of what it can hold.
+/// Leakage coefficient; the largest that a calibration allows, 100, is a fortieth of the signal's range.
 const fn kou(name: &'static str, byte: u8, comment: &'static str) -> Signal {
     Signal { length: 32, ..word(name, byte, 1e-6, 0.0, "L/min/MPa", comment) }
 }
 
-/// Leakage coefficient by the law.
+/// Leakage coefficient expected by the law.
 pub const KOU_EXPECTED: Signal =
     kou("KouExpected", 0, "Leakage coefficient of one chamber by the calibrated law");
-/// Leakage coefficient by the measured ratio.
+/// Leakage coefficient observed, from the measured speed ratio.
 pub const KOU_SEEN: Signal =
     kou("KouSeen", 4, "Leakage coefficient of one chamber that explains the measured speed ratio");
 /// Leakage coefficients.
@@ -44,7 +44,7 @@ pub const LEAKAGE_SE: Message = Message {
     comment: "Standard errors of KouLeakage, wider while it is open whether machine or sensor has changed",
 };
 
-/// Volumetric efficiency by law and reduced model.
+/// Volumetric efficiency expected by law and flow balance.
 pub const EFFICIENCY_EXPECTED: Signal = word(
     "VolumetricEfficiencyExpected",
     0,
@@ -53,10 +53,10 @@ pub const EFFICIENCY_EXPECTED: Signal = word(
     "%",
     "Volumetric efficiency by law and reduced model",
 );
-/// Volumetric efficiency as measured.
+/// Volumetric efficiency observed.
 pub const EFFICIENCY_SEEN: Signal =
     word("VolumetricEfficiencySeen", 2, 0.0025, 0.0, "%", "Volumetric efficiency as measured");
-/// Leakage flow by the law.
+/// Leakage flow expected by the law.
 pub const FLOW_EXPECTED: Signal = word(
     "LeakageFlowExpected",
     4,
@@ -65,7 +65,7 @@ pub const FLOW_EXPECTED: Signal = word(
     "L/min",
     "Leakage flow of all chambers to the case, at high pressure, by the law",
 );
-/// Leakage flow seen.
+/// Leakage flow observed.
 pub const FLOW_SEEN: Signal = word(
     "LeakageFlowSeen",
     6,
@@ -87,7 +87,7 @@ pub const EFFICIENCY: Message = Message {
 }
 .carried();
 
-/// Names of the reasons. Zero is valid; [`crate::j1939::publish::reason_code`] gives the numbers.
+/// Names of the reasons. Zero is valid; [`crate::j1939::publish::reason_code`] returns the numbers.
 pub const REASONS: &[(u32, &str)] = &[
     (0, "valid"),
     (1, "sensor"),
@@ -135,21 +135,21 @@ pub const FAULTS: &[(u32, &str)] = &[
     (9, "rate"),
     (10, "implausible"),
 ];
-/// Why nothing is expected.
+/// Reason why the expected part is invalid.
 pub const EXPECTED_REASON: Signal =
     state("ExpectedReason", 0, 8, REASONS, "Why nothing is expected; 0 when valid");
-/// Which sensor, of the reason "sensor".
+/// Channel of the reason "sensor".
 pub const EXPECTED_CHANNEL: Signal =
     state("ExpectedChannel", 8, 4, CHANNELS, "Channel of ExpectedReason when that is a sensor");
-/// What is wrong with it.
+/// Fault of that channel.
 pub const EXPECTED_FAULT: Signal =
     state("ExpectedFault", 12, 4, FAULTS, "Fault of ExpectedChannel when the reason is a sensor");
-/// Why nothing is seen.
+/// Reason why the observed part is invalid.
 pub const SEEN_REASON: Signal = state("SeenReason", 16, 8, REASONS, "Why nothing is seen; 0 when valid");
-/// Which sensor, of the reason "sensor".
+/// Channel of the reason "sensor".
 pub const SEEN_CHANNEL: Signal =
     state("SeenChannel", 24, 4, CHANNELS, "Channel of SeenReason when that is a sensor");
-/// What is wrong with it.
+/// Fault of that channel.
 pub const SEEN_FAULT: Signal =
     state("SeenFault", 28, 4, FAULTS, "Fault of SeenChannel when the reason is a sensor");
 /// Wear ratio.
@@ -180,9 +180,9 @@ pub const VALIDITY: Message = Message {
 }
 .carried();
 
-/// Names of the stages of a trouble.
+/// Names of a fault's status.
 pub const STAGES: &[(u32, &str)] = &[(0, "absent"), (1, "pending"), (2, "confirmed"), (3, "healed")];
-/// Names of what the gate of learning says.
+/// Names of the learning gate's states.
 pub const GATES: &[(u32, &str)] = &[
     (0, "block used"),
     (1, "sample not valid"),
@@ -193,22 +193,27 @@ pub const GATES: &[(u32, &str)] = &[
     (6, "displacement unsteady"),
     (7, "ratio unsteady"),
 ];
-/// Learned level.
+/// Learned leakage level.
 pub const LEVEL: Signal =
     word("Level", 0, 0.0005, 0.0, "", "Learned leakage over the law's: 1 as calibrated");
-/// Its standard error.
+/// Standard error of the level.
 pub const LEVEL_SE: Signal = word("LevelSe", 2, 0.0001, 0.0, "", "Standard error (1 sigma) of Level");
-/// Factor on the ratio that is not leakage.
+/// Learned correction of the speed ratio that is not leakage.
 pub const RATIO_OFFSET: Signal =
     word("RatioOffset", 4, 0.0001, -3.2, "", "Factor on the ratio that is not leakage, less 1");
-/// Trouble: wear.
-pub const WEAR_STAGE: Signal = state("WearStage", 48, 4, STAGES, "Trouble: leaks more than it did");
-/// Trouble: a sensor or the oil.
-pub const SENSOR_STAGE: Signal =
-    state("SensorStage", 52, 4, STAGES, "Trouble: a sensor, the displacement or the oil explains a change");
-/// What the gate of learning says.
+/// Fault status: wear.
+pub const WEAR_STAGE: Signal = state("WearStage", 48, 4, STAGES, "Fault status: increased leakage by wear");
+/// Fault status: sensor, displacement or oil.
+pub const SENSOR_STAGE: Signal = state(
+    "SensorStage",
+    52,
+    4,
+    STAGES,
+    "Fault status: a change explained by a sensor, the displacement or the oil",
+);
+/// State of the learning gate.
 pub const GATE: Signal =
-    state("Gate", 56, 8, GATES, "Whether the present block was learned from, or why not");
+    state("Gate", 56, 8, GATES, "State of the learning gate: open, or the reason why it is closed");
 /// Learned health.
 pub const HEALTH: Message = Message {
     name: "KouHealth",
@@ -218,28 +223,28 @@ pub const HEALTH: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: &[LEVEL, LEVEL_SE, RATIO_OFFSET, WEAR_STAGE, SENSOR_STAGE, GATE],
-    comment: "What has been learned of the machine while driving",
+    comment: "Learned health of the machine",
 }
 .carried();
 
-/// Names of where the calibration comes from.
+/// Names of the calibration's sources.
 pub const SOURCES: &[(u32, &str)] = &[(0, "none"), (1, "default"), (2, "stored")];
 /// CRC-32 of the calibration record in use.
 pub const CALIBRATION_CRC: Signal = plain("CalibrationCrc", 0, 32, "CRC-32 of the calibration record in use");
-/// Where it comes from.
+/// Source of the calibration in use.
 pub const CALIBRATION_SOURCE: Signal =
-    state("CalibrationSource", 32, 4, SOURCES, "Where the calibration in use comes from");
-/// Changes found.
+    state("CalibrationSource", 32, 4, SOURCES, "Source of the calibration in use");
+/// Number of detected changes.
 pub const CHANGES: Signal =
     plain("Changes", 40, 8, "Changes of the leakage found since health was reset; stays at 255");
-/// Causes that remain.
+/// Remaining causes of the last change.
 pub const CAUSES: Signal = plain(
     "Causes",
     48,
     16,
     "Causes that remain for the last change, one bit each in the order of docs/health/theory.md, lowest first",
 );
-/// State of the controller.
+/// Status of the controller.
 pub const STATUS: Message = Message {
     name: "KouStatus",
     pgn: Pgn::new(0xFF44),
@@ -248,6 +253,6 @@ pub const STATUS: Message = Message {
     period_ms: 1000,
     sender: Sender::Kou,
     signals: &[CALIBRATION_CRC, CALIBRATION_SOURCE, CHANGES, CAUSES],
-    comment: "Calibration in use, and what the last change may have been",
+    comment: "Calibration in use, and possible causes of the last change",
 }
 .carried();

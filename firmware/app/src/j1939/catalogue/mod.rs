@@ -1,9 +1,9 @@
-//! Every message that the controller sends or understands, described once: encode, decode and the DBC file
-//! (`kou.dbc`) are all made from these tables. `docs/can.md` explains them.
+//! Message catalogue: every message sent or received, described once. Encoder, decoder and the DBC file (`kou.dbc`)
+//! are generated from these tables, which `docs/can.md` explains.
 //!
-//! Groups and parameters of the standard are those of SAE J1939-71 (shafts, pressure, temperature), -73 (diagnostics),
-//! -21 (transport, request) and -81 (address claim). The controller's own groups are proprietary B (0xFF40 to 0xFF45), and
-//! proprietary A for the calibration update.
+//! Standard groups and parameters are those of SAE J1939-71 (shafts, pressure, temperature), -73 (diagnostics), -21
+//! (transport, request) and -81 (address claim). The controller's own groups are proprietary B (0xFF40 to 0xFF45),
+//! and proprietary A for the calibration update.
 
 mod builders;
 mod diagnostics;
@@ -52,7 +52,7 @@ mod tests {
     use crate::j1939::signal::Coding;
 
     #[test]
-    fn signals_lie_within_their_messages_and_apart_and_have_names_of_their_own() {
+    fn signals_lie_within_their_messages_without_overlap_and_have_unique_names() {
         let mut names = HashSet::new();
         for message in ALL {
             assert!(names.insert(message.name), "{}", message.name);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_channels_and_faults_follow_the_estimator() {
+    fn names_of_channels_and_faults_match_the_estimator() {
         let same = |text: &str, name: &str| text.replace(' ', "_") == name;
         for ((number, text), fault) in FAULTS.iter().zip(Fault::ALL) {
             assert!(same(text, fault.name()), "{number}");

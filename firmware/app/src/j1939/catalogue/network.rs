@@ -4,9 +4,9 @@ use super::builders::{plain, with_spn};
 use crate::j1939::id::Pgn;
 use crate::j1939::signal::{Message, Sender, Signal};
 
-/// Group asked for, of a request.
+/// Requested group.
 pub const REQUESTED_PGN: Signal = plain("RequestedPgn", 0, 24, "Parameter group that is asked for");
-/// Request for a group.
+/// Request for a parameter group.
 pub const REQUEST: Message = Message {
     name: "Request",
     pgn: Pgn::new(59904),
@@ -18,14 +18,14 @@ pub const REQUEST: Message = Message {
     comment: "Request for a parameter group: DM1, DM2, AddressClaimed",
 }
 .carried();
-/// Kind of an acknowledgement.
+/// Acknowledgement control byte.
 pub const ACK_CONTROL: Signal = Signal {
     values: &[(0, "positive"), (1, "negative"), (2, "access denied"), (3, "cannot respond")],
     ..plain("AckControl", 0, 8, "Kind of acknowledgement")
 };
-/// Address that asked.
+/// Address of the requester.
 pub const ACK_ADDRESS: Signal = plain("AckAddress", 32, 8, "Address that asked");
-/// Group that was asked for.
+/// Requested group.
 pub const ACK_PGN: Signal = plain("AckPgn", 40, 24, "Parameter group that was asked for");
 /// Acknowledgement.
 pub const ACKNOWLEDGEMENT: Message = Message {
@@ -82,9 +82,9 @@ pub const TP_CM: Message = Message {
     comment: "Announces a message of more than eight bytes",
 }
 .carried();
-/// Number of the packet.
+/// Sequence number of the packet.
 pub const TP_SEQUENCE: Signal = plain("TpSequence", 0, 8, "Number of the packet, from 1");
-/// Transport protocol, data.
+/// Transport protocol, data transfer.
 pub const TP_DT: Message = Message {
     name: "TpDataTransfer",
     pgn: Pgn::new(60160),

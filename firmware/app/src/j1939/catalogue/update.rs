@@ -1,4 +1,4 @@
-//! Calibration update (proprietary A). What the bytes mean is told by `docs/calibration-update.md`.
+//! Calibration update (proprietary A). `docs/calibration-update.md` explains the bytes.
 
 use super::builders::plain;
 use crate::j1939::id::Pgn;
@@ -28,7 +28,7 @@ const fn update_signals(first: Signal) -> [Signal; 8] {
     let [b1, b2, b3, b4, b5, b6, b7] = UPDATE_BYTES;
     [first, b1, b2, b3, b4, b5, b6, b7]
 }
-/// A tool's command in a calibration update. Proprietary A.
+/// Command of a tool in a calibration update, proprietary A.
 pub const UPDATE_COMMAND: Message = Message {
     name: "KouUpdateCommand",
     pgn: Pgn::new(61184),
@@ -38,16 +38,19 @@ pub const UPDATE_COMMAND: Message = Message {
     sender: Sender::Tool,
     signals: &update_signals(Signal {
         values: UPDATE_COMMANDS,
-        ..plain("Command", 0, 8, "What the tool wants")
+        ..plain("Command", 0, 8, "Command of the tool")
     }),
     comment: "Step of a calibration update or reading, to the controller",
 }
 .carried();
-/// The controller's answer in a calibration update. Proprietary A.
+/// Answer of the controller in a calibration update, proprietary A.
 pub const UPDATE_ANSWER: Message = Message {
     name: "KouUpdateAnswer",
     sender: Sender::Kou,
-    signals: &update_signals(Signal { values: UPDATE_ANSWERS, ..plain("Answer", 0, 8, "What became of it") }),
+    signals: &update_signals(Signal {
+        values: UPDATE_ANSWERS,
+        ..plain("Answer", 0, 8, "Answer of the controller")
+    }),
     comment: "Answer to a step of a calibration update or reading, to the tool",
     ..UPDATE_COMMAND
 }

@@ -1,9 +1,9 @@
-//! What a board's timer hands over in each millisecond: stamps of one direction's edges. Their meaning is the pickup's.
+//! Time stamps of a pickup's edges, as the board's timer delivers them each millisecond.
 
-/// Edges that one poll may bring: 3000 r/min with 200 teeth for 1 ms, three times over.
+/// Edges per poll: three times those of 3000 r/min with 200 teeth in 1 ms.
 pub const MAX_EDGES: usize = 32;
 
-/// Edges since the last poll, as the board's timer stamped them.
+/// Edges since the last poll.
 #[derive(Debug, Clone, Default)]
 pub struct Edges {
     stamps: heapless::Vec<u32, MAX_EDGES>,
@@ -17,23 +17,23 @@ impl Edges {
         Self { stamps: heapless::Vec::new(), lost: false }
     }
 
-    /// Adds an edge, in the order of time. Without room it is dropped, and the speed takes a new start.
+    /// Adds an edge, in order of time. Without room it is dropped, and the speed measurement restarts.
     pub fn push(&mut self, stamp: u32) {
         self.lost |= self.stamps.push(stamp).is_err();
     }
 
-    /// Says that the hardware has dropped edges.
+    /// Records that the hardware has lost edges.
     pub fn overrun(&mut self) {
         self.lost = true;
     }
 
-    /// Forgets all.
+    /// Removes every edge.
     pub fn clear(&mut self) {
         self.stamps.clear();
         self.lost = false;
     }
 
-    /// The stamps.
+    /// Time stamps.
     #[must_use]
     pub fn stamps(&self) -> &[u32] {
         &self.stamps

@@ -1,28 +1,31 @@
-//! Shaft speed from a toothed wheel, by count and time stamp of its edges.
+//! Shaft speed from a toothed wheel, by count and time stamp of its edges (period measurement).
 //!
-//! The board's timer stamps every edge of one direction and hands them over each millisecond; [`PickupState::poll`] turns
-//! them into counted tooth pitches and, from the first and the last of a window, into speed:
+//! The board's timer stamps every rising edge and delivers them each millisecond; [`PickupState::poll`] converts them
+//! into counted tooth pitches and, from the first and the last of a window, into speed:
 //!
 //! ```text
 //! n = 60 s/min * pitches / (teeth * (t_last - t_first))
 //! ```
 //!
-//! Each edge is judged by the time since the last counted one, over the present pitch, the median of the last three:
+//! Each edge is classified by the time since the last counted one relative to the present pitch, the median of the
+//! last three:
 //!
-//! * below 0.6 of a pitch, or sooner than the fastest shaft could turn: a glitch, passed over;
-//! * close to 2, 3, ... pitches: teeth missing, by a reference gap or by a lost edge, and counted as that many;
-//! * longer, but at no whole number of pitches: a glitch inside a gap, passed over;
+//! * below 0.6 of a pitch, or sooner than possible at maximum speed: a glitch, ignored;
+//! * close to 2, 3, ... pitches: missing teeth of a reference gap, or a lost edge, counted as that many;
+//! * longer, but not a whole number of pitches: a glitch inside a gap, ignored;
 //! * otherwise one pitch.
 //!
-//! A shaft that changes its speed faster than these bounds allow looks like glitches or gaps: in a row, or, where half or
-//! twice the pitch has been learned, every other edge. After [`RESYNC`] in a row, or when more than one edge in four is
-//! odd, the pitch is learned anew, so no wrong guess lasts. More than one edge in five odd over some time is a fault.
+//! A speed that changes faster than these bounds allow appears as glitches or gaps: consecutive ones, or, when half
+//! or twice the pitch has been learned, at every other edge. After [`RESYNC`] consecutive irregular edges, or when
+//! more than one edge in four is irregular, the pitch is learned anew, so no wrong pitch persists. More than one
+//! irregular edge in five over some time is a fault.
 //!
-//! A speed is told once [`SETTLED`] pitches in a row have been alike and a window has begun; until then the reading keeps the
-//! last one with its own, older time stamp. A glitch in the middle of a gap may cost one pitch of the window. Between edges
-//! the speed is at most that of the longest gap, were it to end now, so it falls while none comes, and after `zero_ms` it
-//! is zero: the slowest speed that is told from standstill is `60 000/(teeth*zero_ms)` r/min. A pickup that is
-//! broken gives no edges either; only [`plausibility`](super::plausibility) can tell it from standstill.
+//! A speed is valid once [`SETTLED`] consecutive pitches have been similar and a window has begun; until then the
+//! reading repeats the last one with its own, older time stamp. A glitch in the middle of a gap may cost one pitch of
+//! the window. Between edges the speed is bounded by that of the longest gap ending now, so it falls while no edge
+//! arrives, and after `zero_ms` it is zero: the slowest speed distinguished from standstill is `60
+//! 000/(teeth*zero_ms)` r/min. A broken pickup gives no edges either; only [`plausibility`](super::plausibility)
+//! distinguishes it from standstill.
 
 mod config;
 mod edges;

@@ -7,64 +7,67 @@ use super::super::debounce::DebounceState;
 use super::config::PickupParams;
 use super::edges::Edges;
 
-/// Odd edges in a row after which the pitch is learned anew. A reference gap is one; a gap beside a lost edge two.
+/// Consecutive irregular edges after which the pitch is learned anew. A reference gap causes one; a gap next to a
+/// lost edge two.
 pub const RESYNC: u8 = 3;
-/// Ordinary edges that outweigh an odd one.
+/// Regular edges that compensate one irregular edge.
 const ODD_WEIGHT: u8 = 3;
 
-/// Pitches alike in a row after which a newly learned one is believed.
+/// Consecutive similar pitches after which a newly learned pitch is valid.
 pub const SETTLED: u8 = 3;
 
-/// Times of the window's ends that are kept; one is added at most every [`ANCHOR_SHARE`] of the window.
+/// Number of stored window starts; one is added at most every [`ANCHOR_SHARE`] of the window.
 const ANCHORS: usize = 9;
 const ANCHOR_SHARE: u64 = 8;
-/// Bounds of one pitch over the present one.
+/// Limits of an interval relative to the present pitch.
 const SHORTEST: f32 = 0.6;
 const LONGEST: f32 = 1.6;
-/// How far from a whole number of pitches a gap may be.
+/// Largest deviation of a gap from a whole number of pitches.
 const GAP_BAND: f32 = 0.35;
-/// How far from the one before a pitch may be to count as alike.
+/// Largest relative difference between similar pitches.
 const ALIKE_BAND: f32 = 0.25;
-/// Pitches that a window spans at least, unless they take longer than the window itself.
+/// Fewest pitches per window, unless they take longer than the window itself.
 const LEAST_PITCHES: u64 = 6;
 
-/// An edge that was counted: pitches so far, and when.
+/// Counted edge: pitches so far, and its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Anchor {
     pitches: u64,
     at: u64,
 }
 
-/// What a pickup has rejected so far; every count stays at its maximum.
+/// Counts of edges by classification; each saturates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PickupCounts {
     /// Edges counted as one pitch.
     pub pitches: u32,
-    /// Edges passed over as glitches.
+    /// Edges ignored as glitches.
     pub glitches: u32,
     /// Edges counted as several pitches.
     pub gaps: u32,
-    /// Times the pitch was learned anew.
+    /// Times that the pitch was learned anew.
     pub resyncs: u32,
 }
 
-/// What a pickup remembers.
+/// State of one pickup.
+#[doc(alias = "tachometer")]
+#[doc(alias = "speed sensor")]
 #[derive(Debug, Clone)]
 pub struct PickupState {
-    /// The timer's count at the last poll, with the wraps that it has made since the first.
+    /// Timer count at the last poll, extended by its wraps.
     now: u64,
     count: Option<u32>,
-    /// Last counted edge; none before the first and after standstill.
+    /// Last counted edge; `None` before the first and after standstill.
     last: Option<Anchor>,
     anchors: heapless::Deque<Anchor, ANCHORS>,
-    /// When the last edge of any kind came.
-    heard: u64,
-    /// When an edge was last counted, or a new start made.
+    /// Time of the last edge of any kind.
+    last_edge: u64,
+    /// Time of the last counted edge or restart.
     quiet_since: u64,
-    /// Present pitch in counts; 0 before one is known.
+    /// Present pitch in counts; 0 while unknown.
     pitch: f32,
-    /// The last three pitches, newest first: their median is the present one, which no single bad edge moves.
+    /// Last three pitches, newest first: their median is the present pitch, which no single bad edge moves.
     recent: [f32; 3],
     alike: u8,
     odd_level: u8,
@@ -83,7 +86,7 @@ impl PickupState {
             count: None,
             last: None,
             anchors: heapless::Deque::new(),
-            heard: 0,
+            last_edge: 0,
             quiet_since: 0,
             pitch: 0.0,
             recent: [0.0; 3],
@@ -96,20 +99,20 @@ impl PickupState {
         }
     }
 
-    /// What has been rejected so far.
+    /// Counts of edges by classification.
     #[must_use]
     pub const fn counts(&self) -> PickupCounts {
         self.counts
     }
 
-    /// Whether the present window began less than half its length ago, after the pitch was learned anew.
+    /// Whether the present window is less than half full since the pitch was learned anew.
     #[cfg(test)]
     pub(crate) fn fresh(&self) -> bool {
         self.anchors.len() < 5
     }
 
-    /// Takes in the edges since the last poll. `count` is the timer's count at `now`; polls must come more often than it
-    /// wraps. An edge stamped later than `count` or before the last poll is passed over as a glitch.
+    /// Processes the edges since the last poll. `count` is the timer's count at `now`; polls must be more frequent
+    /// than its wraps. An edge stamped later than `count` or before the last poll is ignored as a glitch.
     pub fn poll(&mut self, params: &PickupParams, now: Micros, count: u32, edges: &Edges) {
         self.time = now;
         let before = *self.count.get_or_insert(count);
@@ -130,7 +133,7 @@ impl PickupState {
             self.edge(params, from.saturating_add(u64::from(since)));
         }
         if self.now.saturating_sub(self.quiet_since) > params.zero {
-            // Stands. The next edge begins anew; a fault of the wheel cannot be judged and is forgotten.
+            // Standstill. The next edge starts anew; a fault of the wheel cannot be observed and is cleared.
             self.restart(None);
             self.debounce = DebounceState::new();
             self.speed = Some((now, 0.0));
@@ -139,7 +142,7 @@ impl PickupState {
         }
     }
 
-    /// The speed as it stands, without a sign: a pickup does not know the direction.
+    /// Present speed without sign: a pickup does not sense the direction.
     #[must_use]
     pub fn reading(&self, params: &PickupParams) -> Reading<RevPerMin> {
         match (self.debounce.fault(), self.speed) {
@@ -150,7 +153,7 @@ impl PickupState {
         }
     }
 
-    /// Speed over the window, or the bound that the silence since the last edge sets, with its time.
+    /// Speed over the window, or the upper bound implied by the time since the last edge, with its time.
     fn measured(&self, params: &PickupParams) -> Option<(Micros, f32)> {
         let last = self.last?;
         if self.alike < SETTLED {
@@ -163,8 +166,8 @@ impl PickupState {
             return None;
         }
         let rpm = params.rpm_counts * pitches as f32 / span as f32;
-        // The next edge could come now, and no more than the longest gap would have passed. An odd edge ends the silence, too.
-        let silence = self.now.saturating_sub(self.heard.max(last.at));
+        // The next edge could come now, after at most the longest gap. An irregular edge ends the silence as well.
+        let silence = self.now.saturating_sub(self.last_edge.max(last.at));
         let bound = params.rpm_counts * f32::from(params.longest_gap) / silence.max(1) as f32;
         if bound < rpm {
             return Some((self.time, bound));
@@ -174,14 +177,14 @@ impl PickupState {
         Some((Micros(self.time.0.saturating_sub(age_us)), rpm))
     }
 
-    /// The newest anchor that lies a window before the last edge, or else the oldest.
+    /// Newest anchor at least a window before the last edge, else the oldest.
     fn window_start(&self, params: &PickupParams, last: Anchor) -> Option<Anchor> {
         let mut start = None;
         for &anchor in &self.anchors {
             if anchor.at >= last.at {
                 break;
             }
-            // From the oldest on: each later one that is still far enough away is the better.
+            // From the oldest on: each later one that is still far enough away is better.
             if start.is_none() || last.at.saturating_sub(anchor.at) >= params.window {
                 start = Some(anchor);
             }
@@ -190,7 +193,7 @@ impl PickupState {
     }
 
     fn edge(&mut self, params: &PickupParams, at: u64) {
-        self.heard = at;
+        self.last_edge = at;
         let Some(last) = self.last else {
             self.restart(Some(at));
             return;
@@ -211,7 +214,7 @@ impl PickupState {
             self.pitch = self.median_with(interval as f32);
             self.odd_level = self.odd_level.saturating_sub(1);
             self.counts.pitches = self.counts.pitches.saturating_add(1);
-            self.debounce.judge(&params.debounce, Ok(()));
+            self.debounce.update(&params.debounce, Ok(()));
             self.count_pitches(params, at, 1);
         } else {
             let whole = libm::roundf(pitches);
@@ -220,8 +223,8 @@ impl PickupState {
         }
     }
 
-    /// Before the pitch is known every edge that can be one is taken for a pitch; a glitch or a gap among them only makes the
-    /// learning longer.
+    /// While the pitch is unknown, every plausible edge counts as one pitch; a glitch or a gap among them only
+    /// prolongs learning.
     fn learn(&mut self, params: &PickupParams, at: u64, interval: f32) {
         let known = self.pitch > 0.0;
         let alike = known && (interval / self.pitch - 1.0).abs() <= ALIKE_BAND;
@@ -229,14 +232,14 @@ impl PickupState {
         self.median_with(interval);
         self.pitch = interval;
         if known {
-            self.debounce.judge(&params.debounce, if alike { Ok(()) } else { Err(Fault::Rate) });
+            self.debounce.update(&params.debounce, if alike { Ok(()) } else { Err(Fault::Rate) });
         }
-        // What was counted so far may be wrong: the window begins here.
+        // Previous counts may be wrong: the window starts here.
         self.anchors.clear();
         self.count_pitches(params, at, 1);
     }
 
-    /// Takes a pitch in and returns the median of the last three.
+    /// Stores a pitch and returns the median of the last three.
     fn median_with(&mut self, interval: f32) -> f32 {
         let [a, b, _] = self.recent;
         self.recent = [interval, a, b];
@@ -251,11 +254,11 @@ impl PickupState {
             Odd::Gap(_) | Odd::TooLate => &mut self.counts.gaps,
         };
         *counter = counter.saturating_add(1);
-        // A gap is what a wheel has once in a revolution, or a lost edge: judged as a fault only where it repeats.
+        // A gap occurs once per revolution at a reference mark, or at a lost edge: a fault only when it repeats.
         let ordinary = matches!(odd, Odd::Gap(_)) && fresh;
-        self.debounce.judge(&params.debounce, if ordinary { Ok(()) } else { Err(Fault::Rate) });
+        self.debounce.update(&params.debounce, if ordinary { Ok(()) } else { Err(Fault::Rate) });
         if !fresh {
-            // Two within a few pitches: what was counted may be wrong. The window begins anew.
+            // Two within a few pitches: previous counts may be wrong, so the window restarts.
             self.anchors.clear();
         }
         if self.odd_level >= RESYNC * ODD_WEIGHT {
@@ -281,12 +284,12 @@ impl PickupState {
             if self.anchors.is_full() {
                 self.anchors.pop_front();
             }
-            // There is room: one was just taken.
+            // There is room: one was just removed.
             self.anchors.push_back(anchor).ok();
         }
     }
 
-    /// Begins anew with an edge at `at`, or with none.
+    /// Restarts with an edge at `at`, or without one.
     fn restart(&mut self, at: Option<u64>) {
         self.pitch = 0.0;
         self.alike = 0;
@@ -306,13 +309,13 @@ impl Default for PickupState {
     }
 }
 
-/// An edge that is not one pitch after the last.
+/// Classification of an irregular edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Odd {
-    /// Too early.
+    /// Too early: a glitch.
     Glitch,
-    /// This many pitches later.
+    /// Gap of this many pitches.
     Gap(u64),
-    /// Later than any gap, or at no whole number of pitches. Not counted, like a glitch.
+    /// Later than any gap, or not at a whole number of pitches. Ignored, like a glitch.
     TooLate,
 }

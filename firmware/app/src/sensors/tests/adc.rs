@@ -1,9 +1,9 @@
-//! The MCP3208's driver on a mocked SPI bus.
+//! Driver of the MCP3208 on a mocked SPI bus.
 
 use embassy_futures::block_on;
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
 
-use crate::sensors::adc::{Adc, ConversionError, Counts, Input, Mcp3208};
+use crate::sensors::adc::{Adc, AdcCounts, ConversionError, Input, Mcp3208};
 
 /// One transaction: bytes out, bytes in, between select and release.
 fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
@@ -14,7 +14,7 @@ fn exchange(out: [u8; 3], back: [u8; 3]) -> [Transaction<u8>; 3] {
     ]
 }
 
-fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<Counts, ConversionError> {
+fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<AdcCounts, ConversionError> {
     let mock = Mock::new(&exchange(out, back));
     let mut adc = Mcp3208::new(mock);
     let conversion = block_on(adc.convert(Input::new(input).unwrap()));
@@ -23,7 +23,7 @@ fn convert(out: [u8; 3], back: [u8; 3], input: u8) -> Result<Counts, ConversionE
 }
 
 #[test]
-fn each_input_is_asked_for_as_the_data_sheet_says() {
+fn each_input_is_requested_as_in_the_data_sheet() {
     // Start bit, SGL/DIFF high, D2 D1 D0: figure 6-1 of the data sheet, written out.
     let asked = [
         [0x06, 0x00, 0x00],
@@ -36,30 +36,30 @@ fn each_input_is_asked_for_as_the_data_sheet_says() {
         [0x07, 0xC0, 0x00],
     ];
     for (input, bytes) in (0..).zip(asked) {
-        assert_eq!(convert(bytes, [0, 0x0A, 0xBC], input), Ok(Counts::new(0xABC).unwrap()));
+        assert_eq!(convert(bytes, [0, 0x0A, 0xBC], input), Ok(AdcCounts::new(0xABC).unwrap()));
     }
     assert_eq!(Input::new(8), None);
 }
 
 #[test]
-fn every_count_is_read_whatever_stands_before_the_null_bit() {
+fn every_count_is_read_whatever_precedes_the_null_bit() {
     for counts in 0..4096_u16 {
         let [high, low] = counts.to_be_bytes();
         for noise in [0x00, 0xE0] {
             let conversion = convert([0x06, 0, 0], [0xFF, high | noise, low], 0);
-            assert_eq!(conversion.map(Counts::get), Ok(counts));
+            assert_eq!(conversion.map(AdcCounts::get), Ok(counts));
         }
     }
-    assert_eq!(Counts::new(4096), None);
+    assert_eq!(AdcCounts::new(4096), None);
 }
 
 #[test]
-fn a_chip_that_does_not_drive_the_line_is_no_value() {
+fn chip_that_does_not_drive_the_line_is_an_error() {
     assert_eq!(convert([0x06, 0, 0], [0xFF; 3], 0), Err(ConversionError::NoAnswer));
 }
 
 #[test]
-fn a_bus_that_fails_is_no_value() {
+fn bus_failure_is_an_error() {
     #[derive(Debug)]
     struct Broken;
     impl embedded_hal_async::spi::Error for Broken {

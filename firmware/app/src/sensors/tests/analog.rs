@@ -1,4 +1,4 @@
-//! One analogue channel: each failure named in time, each healed, nothing invented.
+//! One analogue channel: each failure detected within its time, each healed, no value invented.
 
 use std::vec::Vec;
 
@@ -6,12 +6,12 @@ use kou_estimator::Fault;
 use kou_estimator::units::{Megapascal, Micros};
 use proptest::prelude::*;
 
-use crate::sensors::adc::{ConversionError, Counts};
+use crate::sensors::adc::{AdcCounts, ConversionError};
 use crate::sensors::analog::{AnalogConfig, AnalogParams, AnalogState};
 use crate::sensors::debounce::DebounceConfig;
 use crate::sensors::scale::{LinearConfig, Scale};
 
-/// 100 counts per MPa and more than 1000 counts of live zero: convenient to reckon with.
+/// 100 counts per MPa and more than 1000 counts of live zero, for round numbers.
 const SCALE: LinearConfig<Megapascal> = LinearConfig::Ratiometric {
     supply_over_reference: 1.0,
     at_zero: Megapascal(0.0),
@@ -30,23 +30,23 @@ const CONFIG: AnalogConfig<Megapascal> = AnalogConfig {
     debounce: DebounceConfig { confirm: 50, heal: 200 },
 };
 
-fn counts(mpa: f64) -> Counts {
-    Counts::new((409.6 + 100.0 * mpa).round() as u16).unwrap()
+fn counts(mpa: f64) -> AdcCounts {
+    AdcCounts::new((409.6 + 100.0 * mpa).round() as u16).unwrap()
 }
 
-struct Bench {
+struct AnalogBench {
     params: AnalogParams<Megapascal>,
     state: AnalogState,
     ms: u64,
 }
 
-impl Bench {
+impl AnalogBench {
     fn new() -> Self {
         let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &CONFIG).unwrap();
         Self { params, state: AnalogState::new(), ms: 0 }
     }
 
-    fn feed(&mut self, conversion: Result<Counts, ConversionError>) -> Result<f32, Fault> {
+    fn feed(&mut self, conversion: Result<AdcCounts, ConversionError>) -> Result<f32, Fault> {
         self.ms += 1;
         self.state.observe(&self.params, Micros(self.ms * 1000), conversion, true);
         self.reading()
@@ -56,7 +56,7 @@ impl Bench {
         self.state.reading::<Megapascal>().value.map(Megapascal::get)
     }
 
-    /// A live signal: noise of a few counts.
+    /// Live signal: noise of a few counts.
     fn run(&mut self, ms: u64, mpa: f64) {
         for _ in 0..ms {
             let noise = 0.01 * ((self.ms % 5) as f64 - 2.0);
@@ -64,10 +64,10 @@ impl Bench {
         }
     }
 
-    /// Milliseconds until the reading first satisfies `until`, while `conversion` is fed.
+    /// Milliseconds until the reading first satisfies `until`, with a constant supply of `conversion`.
     fn time_to(
         &mut self,
-        mut conversion: impl FnMut(u64) -> Result<Counts, ConversionError>,
+        mut conversion: impl FnMut(u64) -> Result<AdcCounts, ConversionError>,
         until: impl Fn(Result<f32, Fault>) -> bool,
     ) -> u64 {
         for ms in 1..100_000 {
@@ -81,13 +81,13 @@ impl Bench {
 }
 
 #[test]
-fn a_live_signal_is_read_and_filtered() {
-    let mut bench = Bench::new();
+fn live_signal_is_read_and_filtered() {
+    let mut bench = AnalogBench::new();
     bench.run(500, 20.0);
-    // Mean of the five noise values is zero; the filter leaves a fifth of a count of them.
+    // The five noise values have zero mean; the filter leaves a fifth of a count.
     assert!((bench.reading().unwrap() - 20.0).abs() < 0.01, "{:?}", bench.reading());
     // A step within the permitted rate: 63 % after a time constant of 20 ms.
-    let at = |bench: &mut Bench, ms| {
+    let at = |bench: &mut AnalogBench, ms| {
         bench.run(ms, 20.9);
         bench.reading().unwrap()
     };
@@ -96,9 +96,9 @@ fn a_live_signal_is_read_and_filtered() {
 }
 
 #[test]
-fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
-    let just = |count: u16| move |_: u64| Ok(Counts::new(count).unwrap());
-    type Feed = std::boxed::Box<dyn FnMut(u64) -> Result<Counts, ConversionError>>;
+fn every_failure_is_reported_and_healed_within_the_specified_time() {
+    let just = |count: u16| move |_: u64| Ok(AdcCounts::new(count).unwrap());
+    type Feed = std::boxed::Box<dyn FnMut(u64) -> Result<AdcCounts, ConversionError>>;
     let failures: [(Fault, u64, Feed); 6] = [
         (Fault::Open, 50, std::boxed::Box::new(just(0))),
         (Fault::Short, 50, std::boxed::Box::new(just(4000))),
@@ -111,7 +111,7 @@ fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
         (Fault::Rate, 135, std::boxed::Box::new(|ms| Ok(counts(if ms % 2 == 0 { 20.0 } else { 28.0 })))),
     ];
     for (fault, within_ms, mut feed) in failures {
-        let mut bench = Bench::new();
+        let mut bench = AnalogBench::new();
         bench.run(500, 20.0);
         let ms = bench.time_to(&mut feed, |reading| reading.is_err());
         assert_eq!(bench.reading(), Err(fault));
@@ -122,15 +122,15 @@ fn every_failure_is_named_in_the_stated_time_and_heals_in_the_stated_time() {
         }
         let live = |ms: u64| Ok(counts(15.0 + 0.01 * (ms % 5) as f64));
         let ms = bench.time_to(live, |reading| reading.is_ok());
-        // 200 good ones, and one or two before them that are still measured by the last wild one.
+        // 200 good ones, preceded by one or two that are still compared with the last outlier.
         assert!(ms <= 202, "{fault:?} healed after {ms} ms");
         assert!((bench.reading().unwrap() - 15.02).abs() < 0.05, "{fault:?}: {:?}", bench.reading());
     }
 }
 
 #[test]
-fn a_jump_that_the_machine_cannot_make_is_refused_and_then_believed() {
-    let mut bench = Bench::new();
+fn jump_beyond_the_machines_rate_is_rejected_and_then_accepted() {
+    let mut bench = AnalogBench::new();
     bench.run(500, 10.0);
     // 15 MPa further: 28 ms at 500 MPa/s and 1 MPa of band, which is shorter than the debounce.
     for ms in 1..=27 {
@@ -144,7 +144,7 @@ fn a_jump_that_the_machine_cannot_make_is_refused_and_then_believed() {
 
 #[test]
 fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_good_one() {
-    let mut bench = Bench::new();
+    let mut bench = AnalogBench::new();
     bench.run(500, 20.0);
     let good = bench.state.reading::<Megapascal>();
     for _ in 0..49 {
@@ -155,8 +155,8 @@ fn until_a_failure_is_confirmed_the_reading_keeps_value_and_time_of_the_last_goo
 }
 
 #[test]
-fn a_signal_at_rest_is_not_stuck() {
-    let mut bench = Bench::new();
+fn constant_signal_at_rest_is_not_stuck() {
+    let mut bench = AnalogBench::new();
     for ms in 1..5000 {
         bench.state.observe(&bench.params, Micros(ms * 1000), Ok(counts(0.0)), false);
     }
@@ -165,24 +165,24 @@ fn a_signal_at_rest_is_not_stuck() {
 
 #[test]
 fn before_the_first_conversion_the_reading_is_missing() {
-    assert_eq!(Bench::new().reading(), Err(Fault::Missing));
+    assert_eq!(AnalogBench::new().reading(), Err(Fault::Missing));
 }
 
 #[test]
-fn a_configuration_out_of_range_is_refused_by_name() {
-    let refuse = |change: fn(&mut AnalogConfig<Megapascal>)| {
+fn configuration_out_of_range_is_rejected_by_name() {
+    let reject = |change: fn(&mut AnalogConfig<Megapascal>)| {
         let mut config = CONFIG;
         change(&mut config);
         AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap_err().field
     };
-    assert_eq!(refuse(|c| c.period_us = 0), "period_us");
-    assert_eq!(refuse(|c| c.filter_s = f32::NAN), "filter_s");
-    assert_eq!(refuse(|c| c.highest = c.lowest), "highest");
-    assert_eq!(refuse(|c| c.max_rate_per_s = 0.0), "max_rate_per_s");
-    assert_eq!(refuse(|c| c.noise_band = -1.0), "noise_band");
-    assert_eq!(refuse(|c| c.stuck_ms = Some(1)), "stuck_ms");
-    assert_eq!(refuse(|c| c.debounce.confirm = 0), "debounce.confirm");
-    assert_eq!(refuse(|c| c.debounce.heal = 70_000), "debounce.heal");
+    assert_eq!(reject(|c| c.period_us = 0), "period_us");
+    assert_eq!(reject(|c| c.filter_s = f32::NAN), "filter_s");
+    assert_eq!(reject(|c| c.highest = c.lowest), "highest");
+    assert_eq!(reject(|c| c.max_rate_per_s = 0.0), "max_rate_per_s");
+    assert_eq!(reject(|c| c.noise_band = -1.0), "noise_band");
+    assert_eq!(reject(|c| c.stuck_ms = Some(1)), "stuck_ms");
+    assert_eq!(reject(|c| c.debounce.confirm = 0), "debounce.confirm");
+    assert_eq!(reject(|c| c.debounce.heal = 70_000), "debounce.heal");
 }
 
 proptest! {
@@ -190,13 +190,13 @@ proptest! {
     fn prop_whatever_comes_the_reading_is_finite_in_range_and_never_from_the_future(
         feed in prop::collection::vec((any::<Option<u16>>(), 0..5_000_u64, any::<bool>()), 1..400),
     ) {
-        let mut bench = Bench::new();
+        let mut bench = AnalogBench::new();
         let mut now = 1_000_000_u64;
         let feed: Vec<_> = feed;
         for (raw, step, live) in feed {
-            // Now and then the clock stands or goes back.
+            // Occasionally the clock stops or goes back.
             now = if step == 0 { now.saturating_sub(500) } else { now + step };
-            let conversion = raw.and_then(|raw| Counts::new(raw % 5000)).ok_or(ConversionError::Bus);
+            let conversion = raw.and_then(|raw| AdcCounts::new(raw % 5000)).ok_or(ConversionError::Bus);
             bench.state.observe(&bench.params, Micros(now), conversion, live);
             let reading = bench.state.reading::<Megapascal>();
             if let Ok(value) = reading.value {
@@ -208,19 +208,19 @@ proptest! {
 }
 
 #[test]
-fn a_leap_that_stays_is_a_fault_until_the_quantity_could_have_moved_there() {
+fn persistent_jump_is_a_fault_until_the_quantity_could_have_moved_there() {
     let config = AnalogConfig { max_rate_per_s: 20.0, return_rate_per_s: Some(2.0), ..CONFIG };
     let params = AnalogParams::new(Scale::pressure(&SCALE).unwrap(), &config).unwrap();
-    let mut bench = Bench { params, ..Bench::new() };
+    let mut bench = AnalogBench { params, ..AnalogBench::new() };
     bench.run(500, 5.0);
-    // 9 MPa at 2 MPa/s, less a noise band of 1 MPa, take 4 s; then half that to heal, as ever.
+    // 9 MPa at 2 MPa/s minus a noise band of 1 MPa takes 4 s; then half of that to heal, as always.
     bench.run(100, 14.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(3800, 14.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(400, 14.0);
     assert!(bench.reading().is_ok());
-    // Back where it was is no leap to be waited for, after whatever else was wrong.
+    // A return to the previous value is no jump, whatever other fault there was.
     bench.run(100, 30.0);
     assert_eq!(bench.reading(), Err(Fault::Rate));
     bench.run(250, 14.0);

@@ -1,4 +1,4 @@
-//! Sensors on the host: against independent arithmetic, hostile input, and a mocked bus.
+//! Sensor tests on the host: against independent arithmetic, hostile input, and a mocked bus.
 
 mod adc;
 mod analog;

@@ -1,4 +1,4 @@
-//! Speed from edges: right over the whole range, whatever single edges do; zero in time; never a panic.
+//! Speed measurement: accuracy over the whole range, robustness to single edges, time to zero, no panic.
 
 use std::vec::Vec;
 
@@ -7,20 +7,12 @@ use kou_estimator::{Fault, Reading};
 use proptest::prelude::*;
 
 use super::wheel::Wheel;
-use crate::sensors::debounce::DebounceConfig;
 use crate::sensors::pickup::{Edges, PickupConfig, PickupParams, PickupState};
+use crate::sensors::wiring;
 
-const CONFIG: PickupConfig = PickupConfig {
-    teeth: 60,
-    gap_teeth: 0,
-    max_rpm: 3500.0,
-    counter_hz: 10_000_000,
-    window_ms: 50,
-    zero_ms: 500,
-    debounce: DebounceConfig { confirm: 60, heal: 600 },
-};
+const CONFIG: PickupConfig = wiring::REFERENCE.pump;
 
-struct Bench {
+struct PickupBench {
     params: PickupParams,
     state: PickupState,
     wheel: Wheel,
@@ -28,7 +20,7 @@ struct Bench {
     ms: u64,
 }
 
-impl Bench {
+impl PickupBench {
     fn new(config: &PickupConfig, offset: u32) -> Self {
         Self {
             params: PickupParams::new(config).unwrap(),
@@ -39,7 +31,7 @@ impl Bench {
         }
     }
 
-    /// One millisecond to a new speed; `spoil` may change the edges' times before they are stamped.
+    /// One millisecond towards a new speed; `spoil` may change the edge times before they are stamped.
     fn step(&mut self, rpm: f64, spoil: impl FnOnce(&mut Vec<f64>)) -> Reading<f32> {
         let mut times = self.wheel.millisecond(self.rpm, rpm);
         self.rpm = rpm;
@@ -69,14 +61,14 @@ impl Bench {
 }
 
 #[test]
-fn speed_is_right_from_crawling_to_full_speed() {
-    // Slowest first: 3 r/min is a tooth every 333 ms.
+fn speed_is_accurate_from_crawling_to_full_speed() {
+    // Slowest first: 3 r/min is one tooth per 333 ms.
     for rpm in [3.0, 10.0, 60.0, 300.0, 999.23, 2000.0, 3000.0, 3499.0] {
         // Starts just before the counter wraps.
-        let mut bench = Bench::new(&CONFIG, u32::MAX - 50_000_000);
+        let mut bench = PickupBench::new(&CONFIG, u32::MAX - 50_000_000);
         let reading = bench.run(8_000, rpm);
         let value = f64::from(reading.value.unwrap());
-        // Two stamps of 0.1 us over at least the window of 50 ms, or over a pitch where that is longer.
+        // Two stamps of 0.1 us over at least the window of 50 ms, or over a pitch if that is longer.
         assert!((value / rpm - 1.0).abs() < 5e-6, "{rpm}: {value}");
         let age_us = bench.ms * 1000 - reading.time.0;
         assert!(age_us as f64 <= 60e6 / (60.0 * rpm) + 1.0, "{rpm}: {age_us} us old");
@@ -84,17 +76,17 @@ fn speed_is_right_from_crawling_to_full_speed() {
 }
 
 #[test]
-fn a_shaft_that_never_turned_stands_after_the_stated_time_and_is_unknown_before() {
-    let mut bench = Bench::new(&CONFIG, 7);
+fn shaft_that_never_turned_is_at_standstill_after_zero_ms_and_unknown_before() {
+    let mut bench = PickupBench::new(&CONFIG, 7);
     assert_eq!(bench.reading().value, Err(Fault::Missing));
     assert_eq!(bench.run(500, 0.0).value, Err(Fault::Missing));
     assert_eq!(bench.run(2, 0.0).value, Ok(0.0));
 }
 
 #[test]
-fn a_shaft_that_stops_at_once_reads_zero_in_the_stated_time_and_falls_until_then() {
+fn shaft_that_stops_at_once_reads_zero_in_time_and_falls_until_then() {
     for rpm in [60.0, 1000.0, 3000.0] {
-        let mut bench = Bench::new(&CONFIG, 0);
+        let mut bench = PickupBench::new(&CONFIG, 0);
         bench.run(4_000, rpm);
         let mut last = bench.reading().value.unwrap();
         let mut stood = 0;
@@ -106,18 +98,18 @@ fn a_shaft_that_stops_at_once_reads_zero_in_the_stated_time_and_falls_until_then
                 stood = ms;
             }
         }
-        // Counted from the last edge, which lies up to a pitch before the stop; looked at each millisecond.
+        // Counted from the last edge, up to a pitch before the stop; polled each millisecond.
         let earliest = 499 - (60_000.0 / (60.0 * rpm)) as u64;
         assert!((earliest..=502).contains(&stood), "{rpm}: stood after {stood} ms");
     }
 }
 
 #[test]
-fn a_reference_gap_is_counted_and_no_fault() {
+fn reference_gap_is_counted_and_is_no_fault() {
     for gap_teeth in 1..=3 {
         let config = PickupConfig { gap_teeth, ..CONFIG };
         for rpm in [300.0, 1000.0, 3000.0] {
-            let mut bench = Bench::new(&config, 0);
+            let mut bench = PickupBench::new(&config, 0);
             bench.run(2_000, rpm);
             for _ in 0..1_000 {
                 let value = f64::from(bench.step(rpm, |_| {}).value.unwrap());
@@ -128,10 +120,10 @@ fn a_reference_gap_is_counted_and_no_fault() {
 }
 
 #[test]
-fn single_glitches_and_lost_edges_do_not_move_the_speed() {
-    // Places of a glitch within a pitch, and edges lost one by one, two by two.
+fn single_glitches_and_lost_edges_do_not_change_the_speed() {
+    // Positions of a glitch within a pitch, and edges lost one by one, two by two.
     for place in [0.02, 0.2, 0.45, 0.55] {
-        let mut bench = Bench::new(&CONFIG, 0);
+        let mut bench = PickupBench::new(&CONFIG, 0);
         bench.run(2_000, 1000.0);
         let mut worst: f64 = 0.0;
         for ms in 0..5_000 {
@@ -155,8 +147,8 @@ fn single_glitches_and_lost_edges_do_not_move_the_speed() {
 }
 
 #[test]
-fn a_glitch_late_in_a_pitch_moves_the_speed_by_less_than_a_pitch_of_the_window() {
-    let mut bench = Bench::new(&CONFIG, 0);
+fn glitch_late_in_a_pitch_changes_the_speed_by_less_than_a_pitch_of_the_window() {
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(2_000, 1000.0);
     let mut worst: f64 = 0.0;
     for ms in 0..5_000 {
@@ -169,13 +161,13 @@ fn a_glitch_late_in_a_pitch_moves_the_speed_by_less_than_a_pitch_of_the_window()
         });
         worst = worst.max((f64::from(reading.value.unwrap()) / 1000.0 - 1.0).abs());
     }
-    // Taken for the tooth, it moves one end of the window by 0.2 of 50 pitches.
+    // Mistaken for the tooth, it moves one end of the window by 0.2 of 50 pitches.
     assert!(worst < 0.2 / 50.0 * 1.1, "{worst}");
 }
 
 #[test]
-fn a_pickup_that_chatters_is_a_fault_and_heals() {
-    let mut bench = Bench::new(&CONFIG, 0);
+fn chattering_pickup_is_a_fault_and_heals() {
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(2_000, 1000.0);
     let mut named = 0;
     for ms in 1..=500 {
@@ -197,15 +189,15 @@ fn a_pickup_that_chatters_is_a_fault_and_heals() {
 }
 
 #[test]
-fn a_spinning_up_shaft_is_followed() {
-    // From rest to 1900 r/min in 100 ms, as a motor does at a swash step; then held.
-    let mut bench = Bench::new(&CONFIG, 0);
+fn shaft_that_spins_up_is_followed() {
+    // From rest to 1900 r/min in 100 ms, as a motor does at a swash step; then constant.
+    let mut bench = PickupBench::new(&CONFIG, 0);
     bench.run(600, 0.0);
     for ms in 1..=100 {
         let rpm = 19.0 * f64::from(ms);
         let reading = bench.step(rpm, |_| {});
         let value = f64::from(reading.value.unwrap());
-        // The window of 50 ms looks at the past: the mean over it is behind by 25 ms of 19 r/min each, and never ahead.
+        // The window of 50 ms covers the past: its mean lags by 25 ms of 19 r/min each, and never leads.
         assert!(value <= rpm + 1.0 && value >= rpm - 19.0 * 40.0, "{ms} ms: {value} for {rpm}");
     }
     let value = bench.run(60, 1900.0).value.unwrap();
@@ -214,14 +206,14 @@ fn a_spinning_up_shaft_is_followed() {
 }
 
 #[test]
-fn faster_than_the_shaft_can_turn_is_out_of_range() {
-    let mut bench = Bench::new(&CONFIG, 0);
+fn speed_above_the_maximum_is_out_of_range() {
+    let mut bench = PickupBench::new(&CONFIG, 0);
     assert_eq!(bench.run(2_000, 3600.0).value, Err(Fault::OutOfRange));
 }
 
 #[test]
-fn edges_lost_by_the_board_keep_the_last_speed_with_its_time() {
-    let mut bench = Bench::new(&CONFIG, 0);
+fn edges_lost_by_the_board_preserve_the_last_speed_with_its_time() {
+    let mut bench = PickupBench::new(&CONFIG, 0);
     let before = bench.run(2_000, 1000.0);
     let mut edges = Edges::new();
     edges.overrun();
@@ -235,32 +227,32 @@ fn edges_lost_by_the_board_keep_the_last_speed_with_its_time() {
 }
 
 #[test]
-fn a_configuration_out_of_range_is_refused_by_name() {
-    let refuse = |change: fn(&mut PickupConfig)| {
+fn configuration_out_of_range_is_rejected_by_name() {
+    let reject = |change: fn(&mut PickupConfig)| {
         let mut config = CONFIG;
         change(&mut config);
         PickupParams::new(&config).unwrap_err().field
     };
-    assert_eq!(refuse(|c| c.teeth = 0), "teeth");
-    assert_eq!(refuse(|c| c.gap_teeth = 9), "gap_teeth");
-    assert_eq!(refuse(|c| c.max_rpm = f32::INFINITY), "max_rpm");
-    assert_eq!(refuse(|c| c.counter_hz = 1), "counter_hz");
-    assert_eq!(refuse(|c| c.window_ms = 0), "window_ms");
-    assert_eq!(refuse(|c| c.zero_ms = 0), "zero_ms");
-    // 400 teeth at 20 000 r/min are 133 333 edges a second: a counter of 100 kHz cannot stamp them.
+    assert_eq!(reject(|c| c.teeth = 0), "teeth");
+    assert_eq!(reject(|c| c.gap_teeth = 9), "gap_teeth");
+    assert_eq!(reject(|c| c.max_rpm = f32::INFINITY), "max_rpm");
+    assert_eq!(reject(|c| c.counter_hz = 1), "counter_hz");
+    assert_eq!(reject(|c| c.window_ms = 0), "window_ms");
+    assert_eq!(reject(|c| c.zero_ms = 0), "zero_ms");
+    // 400 teeth at 20 000 r/min are 133 333 edges a second, too many for a counter of 100 kHz.
     let slow = |c: &mut PickupConfig| {
         c.teeth = 400;
         c.max_rpm = 20_000.0;
         c.counter_hz = 100_000;
     };
-    assert_eq!(refuse(slow), "counter_hz per tooth");
+    assert_eq!(reject(slow), "counter_hz per tooth");
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Speeds that change as a drive's do, single edges lost and added at random: a reading lies between the slowest and the
-    /// fastest that the shaft was in the window before the reading's own time stamp, and is seldom old.
+    /// Speeds that change like a drive's, with single edges lost and added at random: a reading lies between the
+    /// minimum and maximum speed within the window before its time stamp, and is seldom old.
     #[test]
     fn prop_speed_follows_a_drive_with_bad_edges(
         targets in prop::collection::vec(200.0..3000.0_f64, 3..8),
@@ -269,7 +261,7 @@ proptest! {
         gap_teeth in 0..=2_u8,
     ) {
         let config = PickupConfig { gap_teeth, ..CONFIG };
-        let mut bench = Bench::new(&config, offset);
+        let mut bench = PickupBench::new(&config, offset);
         let mut random = seed | 1;
         let mut next = move || {
             // xorshift64 (Marsaglia): cheap and repeatable.
@@ -285,7 +277,7 @@ proptest! {
                 // At most 8000 r/min per second.
                 rpm += (target - rpm).clamp(-8.0, 8.0);
                 history.push(rpm);
-                // More than two edges lost in a row are a longer gap than any declared one.
+                // More than two consecutive lost edges are a longer gap than any declared one.
                 let lose = next() % 50 == 0 && bench.ms > lost_ms + 5;
                 let (spoil, at) = (next() % 50, (next() % 1000) as f64 * 1e-6);
                 lost_ms = if lose { bench.ms } else { lost_ms };
@@ -300,13 +292,13 @@ proptest! {
                 let value = f64::from(reading.value.unwrap());
                 let stamp_ms = (reading.time.0 / 1000) as usize;
                 old += usize::from(bench.ms as usize - stamp_ms > 50);
-                // The window, an eighth of it to its next end, and a pitch at either side.
+                // The window, an eighth of it to its next end, and a pitch on either side.
                 let span_ms = 57 + 2 * (1 + 60_000 / (60 * rpm as usize));
                 let past = &history[stamp_ms.saturating_sub(span_ms)..=(stamp_ms + 1).min(history.len() - 1)];
                 let slowest = past.iter().copied().fold(f64::INFINITY, f64::min);
                 let fastest = past.iter().copied().fold(0.0, f64::max);
-                // A glitch inside a gap may cost a pitch, and a window of so bad a wheel (an edge in fifty) may have three such;
-                // a newly begun one has six pitches at least, or lasts its 50 ms.
+                // A glitch inside a gap may cost a pitch, and a window of so bad a wheel (one edge in fifty) may have
+                // three such; a new window has at least six pitches, or lasts its 50 ms.
                 let pitches = (slowest / 60.0 * 60.0 * 0.05).max(2.0);
                 let band = 3.05 / if bench.state.fresh() { pitches.min(6.0) } else { pitches };
                 let fits = value > slowest * (1.0 - band) && value < fastest * (1.0 + band);
@@ -316,7 +308,7 @@ proptest! {
         prop_assert!(old * 50 < history.len(), "{old} of {} readings older than 50 ms", history.len());
     }
 
-    /// Anything at all: no panic, a finite speed within the range, and zero after silence.
+    /// Arbitrary input: no panic, a finite speed within range, and zero after silence.
     #[test]
     fn prop_hostile_edges_give_a_speed_in_range_or_a_reason_and_silence_gives_zero(
         polls in prop::collection::vec(
@@ -336,7 +328,7 @@ proptest! {
         for (step, stamps, near) in polls {
             let mut edges = Edges::new();
             for stamp in stamps {
-                // Half of them within the time that has passed, half anywhere.
+                // Half of them within the elapsed time, half anywhere.
                 edges.push(if near { count.wrapping_add(stamp % step.max(1)) } else { stamp });
             }
             count = count.wrapping_add(step);

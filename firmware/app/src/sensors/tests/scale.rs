@@ -1,19 +1,19 @@
-//! Counts to units, against circuits worked out by hand and the tables of the standards.
+//! Scaling, against hand-calculated circuits and the tables of the standards.
 
 use kou_estimator::Fault;
 use kou_estimator::units::{Celsius, Megapascal, Ratio};
 use proptest::prelude::*;
 
-use crate::sensors::adc::Counts;
+use crate::sensors::adc::AdcCounts;
 use crate::sensors::scale::{LinearConfig, Scale, ThermometerConfig};
 
-fn nearest(share: f64) -> Counts {
-    Counts::new((share * 4096.0).round().clamp(0.0, 4095.0) as u16).unwrap()
+fn nearest(share: f64) -> AdcCounts {
+    AdcCounts::new((share * 4096.0).round().clamp(0.0, 4095.0) as u16).unwrap()
 }
 
-/// Largest change of the value from one count to the next about here: what rounding to counts may cost.
-fn per_count<U: crate::sensors::Quantity>(scale: &Scale<U>, counts: Counts) -> f32 {
-    let at = |n: u16| scale.value(Counts::new(n).unwrap()).unwrap().bare();
+/// Largest change of the value per count in this range: the possible quantisation error.
+fn per_count<U: crate::sensors::SensorUnit>(scale: &Scale<U>, counts: AdcCounts) -> f32 {
+    let at = |n: u16| scale.value(AdcCounts::new(n).unwrap()).unwrap().bare();
     (at(counts.get() + 1) - at(counts.get() - 1)).abs() / 2.0
 }
 
@@ -25,7 +25,7 @@ const LOOP: LinearConfig<Megapascal> = LinearConfig::CurrentLoop {
 };
 
 #[test]
-fn current_loop_reads_its_span_and_names_a_broken_and_a_shorted_wire() {
+fn current_loop_reads_its_span_and_reports_broken_and_shorted_wires() {
     let scale = Scale::pressure(&LOOP).unwrap();
     let at_ma = |ma: f64| scale.value(nearest(ma * 1e-3 * 150.0 / 3.3));
     // Half a count is 0.01 MPa.
@@ -42,9 +42,9 @@ fn current_loop_reads_its_span_and_names_a_broken_and_a_shorted_wire() {
 }
 
 #[test]
-fn ratiometric_reads_its_span_and_names_a_broken_and_a_shorted_wire() {
+fn ratiometric_reads_its_span_and_reports_broken_and_shorted_wires() {
     let config = LinearConfig::Ratiometric {
-        // 5 V sensor over a divider of 0.6 into a reference of 3.3 V.
+        // 5 V sensor through a divider of 0.6 to a reference of 3.3 V.
         supply_over_reference: 5.0 * 0.6 / 3.3,
         at_zero: Ratio(-1.0),
         at_span: Ratio(1.0),
@@ -74,7 +74,7 @@ const PT1000: [(f64, f64); 9] = [
 ];
 
 #[test]
-fn platinum_agrees_with_the_standards_table() {
+fn platinum_agrees_with_the_table_of_the_standard() {
     let scale = Scale::temperature(&ThermometerConfig::Pt1000 { pull_up_ohm: 2200.0 }).unwrap();
     for (t_c, ohm) in PT1000 {
         let counts = nearest(ohm / (ohm + 2200.0));
@@ -86,12 +86,12 @@ fn platinum_agrees_with_the_standards_table() {
     let at_ohm = |ohm: f64| scale.value(nearest(ohm / (ohm + 2200.0)));
     assert_eq!(at_ohm(10.0), Err(Fault::Short));
     assert_eq!(at_ohm(5000.0), Err(Fault::Open));
-    assert_eq!(scale.value(Counts::new(0).unwrap()), Err(Fault::Short));
-    assert_eq!(scale.value(Counts::new(4095).unwrap()), Err(Fault::Open));
+    assert_eq!(scale.value(AdcCounts::new(0).unwrap()), Err(Fault::Short));
+    assert_eq!(scale.value(AdcCounts::new(4095).unwrap()), Err(Fault::Open));
 }
 
 #[test]
-fn thermistor_agrees_with_its_law_and_names_both_ends() {
+fn thermistor_agrees_with_its_law_and_reports_both_ends() {
     let config = ThermometerConfig::Ntc { pull_up_ohm: 4700.0, ohm_at_25_c: 10_000.0, beta_k: 3435.0 };
     let scale = Scale::temperature(&config).unwrap();
     for t_c in [-20.0, 0.0, 25.0, 60.0, 90.0, 120.0_f64] {
@@ -101,25 +101,25 @@ fn thermistor_agrees_with_its_law_and_names_both_ends() {
         let allowed = 0.5 * per_count(&scale, counts) + 0.01;
         assert!((f64::from(value) - t_c).abs() < f64::from(allowed), "{t_c}: {value}, {allowed}");
     }
-    assert_eq!(scale.value(Counts::new(0).unwrap()), Err(Fault::Short));
-    assert_eq!(scale.value(Counts::new(4095).unwrap()), Err(Fault::Open));
+    assert_eq!(scale.value(AdcCounts::new(0).unwrap()), Err(Fault::Short));
+    assert_eq!(scale.value(AdcCounts::new(4095).unwrap()), Err(Fault::Open));
 }
 
 #[test]
-fn what_cannot_be_wired_is_refused_by_name() {
-    let refuse = |config| Scale::pressure(&config).unwrap_err().field;
+fn impossible_wiring_is_rejected_by_name() {
+    let reject = |config| Scale::pressure(&config).unwrap_err().field;
     let current = |shunt_ohm, reference_v, span| LinearConfig::CurrentLoop {
         shunt_ohm,
         reference_v,
         at_zero: Megapascal(0.0),
         at_span: Megapascal(span),
     };
-    assert_eq!(refuse(current(f32::NAN, 3.3, 60.0)), "shunt_ohm");
-    assert_eq!(refuse(current(150.0, 33.0, 60.0)), "reference_v");
-    assert_eq!(refuse(current(150.0, 3.3, 0.0)), "at_span");
-    assert_eq!(refuse(current(150.0, 3.3, f32::INFINITY)), "at_span");
-    // 21 mA through 200 Ohm are 4.2 V: a short could not be told from a high pressure.
-    assert_eq!(refuse(current(200.0, 3.3, 60.0)), "reference");
+    assert_eq!(reject(current(f32::NAN, 3.3, 60.0)), "shunt_ohm");
+    assert_eq!(reject(current(150.0, 33.0, 60.0)), "reference_v");
+    assert_eq!(reject(current(150.0, 3.3, 0.0)), "at_span");
+    assert_eq!(reject(current(150.0, 3.3, f32::INFINITY)), "at_span");
+    // 21 mA through 200 Ohm are 4.2 V: a short would be indistinguishable from a high pressure.
+    assert_eq!(reject(current(200.0, 3.3, 60.0)), "reference");
     let ntc = ThermometerConfig::Ntc { pull_up_ohm: 4700.0, ohm_at_25_c: 10_000.0, beta_k: 34.35 };
     assert_eq!(Scale::temperature(&ntc).unwrap_err().field, "beta_k");
     let pt = ThermometerConfig::Pt1000 { pull_up_ohm: 2.2 };
@@ -134,7 +134,7 @@ proptest! {
         ohm_at_25_c in 100.0..1e6_f32,
         beta_k in 2000.0..6000.0_f32,
     ) {
-        let counts = Counts::new(counts).unwrap();
+        let counts = AdcCounts::new(counts).unwrap();
         let ntc = ThermometerConfig::Ntc { pull_up_ohm, ohm_at_25_c, beta_k };
         for config in [ntc, ThermometerConfig::Pt1000 { pull_up_ohm }] {
             let value: Result<Celsius, Fault> = Scale::temperature(&config).unwrap().value(counts);
@@ -157,7 +157,7 @@ proptest! {
         let scale = Scale::pressure(&config).unwrap();
         let mut last = f32::NEG_INFINITY;
         for counts in 0..4096 {
-            if let Ok(value) = scale.value(Counts::new(counts).unwrap()) {
+            if let Ok(value) = scale.value(AdcCounts::new(counts).unwrap()) {
                 prop_assert!(value.get() > last);
                 last = value.get();
             }

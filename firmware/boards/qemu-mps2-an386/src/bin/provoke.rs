@@ -1,5 +1,5 @@
-//! Goes wrong on purpose, in the way its command line names, so that tests can see each fault logged and QEMU ended
-//! with its code: `panic`, `hardfault`, anything else for an orderly end. No part of the product.
+//! Provokes a fault named on its command line, so that tests can check that it is logged and ends QEMU with its code:
+//! `panic`, `hardfault`, anything else for a regular end. Not part of the product.
 #![no_std]
 #![no_main]
 

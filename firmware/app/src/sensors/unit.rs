@@ -1,12 +1,12 @@
-//! The unit types that a channel can give.
+//! Units of analogue channels.
 
 use kou_estimator::units::{Celsius, Megapascal, Ratio};
 
-/// A unit type over `f32`; implemented for the units of analogue channels, and only here.
-pub trait Quantity: Copy + PartialEq + private::Sealed {
-    /// From the bare number in this unit.
+/// Unit type over `f32`; sealed, implemented for the units of analogue channels.
+pub trait SensorUnit: Copy + PartialEq + private::Sealed {
+    /// Quantity from its value in this unit.
     fn from_bare(value: f32) -> Self;
-    /// The bare number in this unit.
+    /// Value in this unit.
     fn bare(self) -> f32;
 }
 
@@ -17,7 +17,7 @@ mod private {
 macro_rules! quantity {
     ($($unit:ident),*) => {$(
         impl private::Sealed for $unit {}
-        impl Quantity for $unit {
+        impl SensorUnit for $unit {
             fn from_bare(value: f32) -> Self {
                 Self(value)
             }

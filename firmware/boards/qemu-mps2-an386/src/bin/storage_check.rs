@@ -1,6 +1,6 @@
-//! Storage under power cuts, frames and the authentication tag, on the target: what the host's tests do at length, done
-//! again in small by the very code that a controller runs. Prints what it did; a failure is a panic. No part of the
-//! product.
+//! Self-test on the target: storage under power failures, frames and authentication tag, executed by the same code as
+//! on a controller. The host's tests cover the same cases at length. Prints its results; a failure is a panic. Not
+//! part of the product.
 #![no_std]
 #![no_main]
 
@@ -8,7 +8,7 @@ use cortex_m_rt::entry;
 use embassy_futures::block_on;
 use kou_app::diagnostics::ResetCause;
 use kou_app::diagnostics::{FaultCode, FaultMemory, FreezeFrame};
-use kou_app::storage::{BUFFER_LEN, OperatingCounters, MIN_BYTES, Store, StoreError};
+use kou_app::storage::{BUFFER_LEN, MIN_BYTES, OperatingCounters, Store, StoreError};
 use kou_emulation::RamFlash;
 use kou_emulation::examples;
 use kou_emulation::ram_flash::Torn;
@@ -17,32 +17,35 @@ use kou_qemu_mps2_an386::QemuMps2An386;
 use kou_qemu_mps2_an386::exit::Exit;
 use semihosting::eprintln;
 
-type Flash = RamFlash<{ MIN_BYTES as usize }, 2048>;
+type SelfTestFlash = RamFlash<{ MIN_BYTES as usize }, 2048>;
 
-fn store(flash: Flash) -> Store<Flash> {
+fn store(flash: SelfTestFlash) -> Store<SelfTestFlash> {
     match Store::new(flash, 0..MIN_BYTES) {
         Ok(store) => store,
         Err(_) => panic!("the region cannot be used"),
     }
 }
 
-fn life(seconds: u32) -> Life {
+fn life(seconds: u32) -> OperatingCounters {
     let mut life = OperatingCounters::new();
-    life.started(ResetCause::BrownOut);
-    life.ran(seconds);
+    life.count_start(ResetCause::BrownOut);
+    life.add_operating_time(seconds);
     life
 }
 
 fn faults(at: u32) -> FaultMemory {
     let mut memory = FaultMemory::new();
     for code in FaultCode::all().take(6) {
-        memory.confirmed(code, FreezeFrame::at(at));
+        memory.confirm(code, FreezeFrame::at(at));
     }
     memory
 }
 
-/// Cuts the supply at every byte of a write; the number of cuts.
-fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), StoreError>) -> usize {
+/// Interrupts the power at every byte of a write; returns the number of interruptions.
+fn cut_everywhere(
+    base: &SelfTestFlash,
+    write: impl Fn(&mut Store<SelfTestFlash>) -> Result<(), StoreError>,
+) -> usize {
     let mut whole = store(base.clone());
     let before = whole.flash().worked();
     assert!(write(&mut whole).is_ok());
@@ -55,7 +58,7 @@ fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), 
         let mut flash = cut_off.into_flash();
         flash.power_on();
         let mut after = store(flash);
-        assert!(block_on(after.heal(&mut [0; BUFFER_LEN])).is_ok());
+        assert!(block_on(after.repair(&mut [0; BUFFER_LEN])).is_ok());
         let found = block_on(after.read::<OperatingCounters>());
         assert!(matches!(found, Ok(Some(found)) if found == life(1) || found == life(2)));
         let found = block_on(after.read::<FaultMemory>());
@@ -69,7 +72,7 @@ fn cut_everywhere(base: &Flash, write: impl Fn(&mut Store<Flash>) -> Result<(), 
 #[entry]
 fn main() -> ! {
     QemuMps2An386::init();
-    let mut base = store(Flash::new());
+    let mut base = store(SelfTestFlash::new());
     assert!(block_on(base.write(&life(1))).is_ok() && block_on(base.write(&faults(1))).is_ok());
     let base = base.into_flash();
     let lives = cut_everywhere(&base, |store| block_on(store.write(&life(2))));

@@ -1,10 +1,11 @@
-//! The layout of a type as it describes itself to serde: what stands where in a record without names, such as postcard's.
+//! Layout of a type in a record without field names, such as postcard's, from its `serde` description.
 //!
-//! Types are taken apart by deserialising them from nothing, again and again until every variant of every enumeration has been
-//! seen. An enumeration is known by its place, not by its name, since two types of one record may have the same name (which
-//! is why `serde-reflection` does not do).
+//! A type is deserialised from generated values, repeatedly, until every variant of every enumeration has occurred. An enumeration is
+//! identified by its position and not by its name: two types of one record may have the same name, which
+//! `serde-reflection` does not support.
 //!
-//! Limits: types that refuse zeros and empty texts, maps, and types that ask what comes next (`flatten`, `untagged`).
+//! Unsupported: types that reject zeros or empty texts, maps, and types that need a self-describing format (`flatten`,
+//! `untagged`).
 
 use std::fmt;
 
@@ -14,58 +15,58 @@ use serde::de::{
     VariantAccess, Visitor,
 };
 
-/// What stands at a place.
+/// Layout at one position of a record.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub enum Shape {
-    /// Not looked at yet.
+pub enum RecordLayout {
+    /// Not visited yet.
     #[default]
     Unknown,
     /// A number, a text or nothing.
     Plain(&'static str),
-    /// There or not.
-    Optional(Box<Shape>),
-    /// Any number of them.
-    List(Box<Shape>),
-    /// A name for one other.
-    Named(&'static str, Box<Shape>),
-    /// One after another.
-    Fields(&'static str, Vec<(String, Shape)>),
-    /// One of them, known by its number.
-    Variants(&'static str, Vec<(&'static str, Shape)>),
+    /// Present or absent.
+    Optional(Box<RecordLayout>),
+    /// Any number of equal elements.
+    List(Box<RecordLayout>),
+    /// A newtype.
+    Named(&'static str, Box<RecordLayout>),
+    /// Fields in sequence.
+    Fields(&'static str, Vec<(String, RecordLayout)>),
+    /// Alternatives by number.
+    Variants(&'static str, Vec<(&'static str, RecordLayout)>),
 }
 
-/// Passes that no record needs: each shows a variant more, wherever one is missing.
-const MOST_PASSES: usize = 1000;
+/// Upper bound of passes; each visits one more variant of every enumeration that is incomplete.
+const MAX_PASSES: usize = 1000;
 
 /// The layout of a type.
 ///
 /// # Panics
-/// When the type cannot be taken apart; see the limits.
-pub fn of<T: DeserializeOwned>() -> Shape {
-    let mut shape = Shape::Unknown;
-    for _ in 0..MOST_PASSES {
-        if shape.is_whole() {
-            return shape;
+/// When the type is not supported.
+pub fn of<T: DeserializeOwned>() -> RecordLayout {
+    let mut layout = RecordLayout::Unknown;
+    for _ in 0..MAX_PASSES {
+        if layout.is_complete() {
+            return layout;
         }
-        if let Err(error) = T::deserialize(Place(&mut shape)) {
-            panic!("the type does not describe itself: {error}\n{shape}");
+        if let Err(error) = T::deserialize(LayoutSlot(&mut layout)) {
+            panic!("the type does not describe itself: {error}\n{layout}");
         }
     }
-    panic!("not seen whole in {MOST_PASSES} passes:\n{shape}")
+    panic!("incomplete after {MAX_PASSES} passes:\n{layout}")
 }
 
-impl Shape {
-    fn is_whole(&self) -> bool {
+impl RecordLayout {
+    fn is_complete(&self) -> bool {
         match self {
             Self::Unknown => false,
             Self::Plain(_) => true,
-            Self::Optional(inner) | Self::List(inner) | Self::Named(_, inner) => inner.is_whole(),
-            Self::Fields(_, fields) => fields.iter().all(|(_, field)| field.is_whole()),
-            Self::Variants(_, variants) => variants.iter().all(|(_, variant)| variant.is_whole()),
+            Self::Optional(inner) | Self::List(inner) | Self::Named(_, inner) => inner.is_complete(),
+            Self::Fields(_, fields) => fields.iter().all(|(_, field)| field.is_complete()),
+            Self::Variants(_, variants) => variants.iter().all(|(_, variant)| variant.is_complete()),
         }
     }
 
-    /// The field places, which this becomes unless it is that already.
+    /// The fields, which are created at the first visit.
     fn fields(&mut self, name: &'static str, fields: impl Iterator<Item = String>) -> &mut [(String, Self)] {
         if *self == Self::Unknown {
             *self = Self::Fields(name, fields.map(|field| (field, Self::Unknown)).collect());
@@ -74,7 +75,7 @@ impl Shape {
         places
     }
 
-    /// The place within, likewise.
+    /// The inner layout, likewise.
     fn inner(&mut self, becomes: impl Fn(Box<Self>) -> Self) -> &mut Self {
         if *self == Self::Unknown {
             *self = becomes(Box::default());
@@ -85,7 +86,7 @@ impl Shape {
         inner
     }
 
-    /// A line for each place, indented by its depth.
+    /// Writes one line for each position, indented by its depth.
     fn write(&self, f: &mut fmt::Formatter<'_>, depth: usize, place: &str) -> fmt::Result {
         let mut line = |what: &str| writeln!(f, "{:indent$}{place}: {what}", "", indent = 2 * depth);
         match self {
@@ -100,50 +101,50 @@ impl Shape {
             }
             Self::Fields(name, fields) => {
                 line(name)?;
-                fields.iter().try_for_each(|(field, shape)| shape.write(f, depth + 1, field))
+                fields.iter().try_for_each(|(field, layout)| layout.write(f, depth + 1, field))
             }
             Self::Variants(name, variants) => {
                 line(&format!("one of {name}"))?;
                 let mut numbered = variants.iter().enumerate();
-                numbered.try_for_each(|(i, (variant, shape))| {
-                    shape.write(f, depth + 1, &format!("{i} {variant}"))
+                numbered.try_for_each(|(i, (variant, layout))| {
+                    layout.write(f, depth + 1, &format!("{i} {variant}"))
                 })
             }
         }
     }
 }
 
-fn first(fields: &[(String, Shape)]) -> Option<&Shape> {
-    fields.first().map(|(_, shape)| shape)
+fn first(fields: &[(String, RecordLayout)]) -> Option<&RecordLayout> {
+    fields.first().map(|(_, layout)| layout)
 }
 
-impl fmt::Display for Shape {
+impl fmt::Display for RecordLayout {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.write(f, 0, "record")
     }
 }
 
-/// A place that is being looked at.
-struct Place<'a>(&'a mut Shape);
+/// Deserialiser that records the layout of one position.
+struct LayoutSlot<'a>(&'a mut RecordLayout);
 
 macro_rules! plain {
     ($($method:ident $visit:ident $value:expr, $name:literal;)*) => {$(
         fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-            *self.0 = Shape::Plain($name);
+            *self.0 = RecordLayout::Plain($name);
             visitor.$visit($value)
         }
     )*};
 }
 
-macro_rules! refused {
+macro_rules! unsupported {
     ($($method:ident)*) => {$(
         fn $method<V: Visitor<'de>>(self, _: V) -> Result<V::Value, Error> {
-            Err(Error::custom(concat!(stringify!($method), " is not followed")))
+            Err(Error::custom(concat!(stringify!($method), " is not supported")))
         }
     )*};
 }
 
-impl<'de> Deserializer<'de> for Place<'_> {
+impl<'de> Deserializer<'de> for LayoutSlot<'_> {
     type Error = Error;
 
     plain! {
@@ -165,10 +166,10 @@ impl<'de> Deserializer<'de> for Place<'_> {
         deserialize_byte_buf visit_borrowed_bytes b"", "bytes";
     }
 
-    refused! { deserialize_any deserialize_map deserialize_identifier deserialize_ignored_any }
+    unsupported! { deserialize_any deserialize_map deserialize_identifier deserialize_ignored_any }
 
     fn deserialize_unit<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        *self.0 = Shape::Plain("nothing");
+        *self.0 = RecordLayout::Plain("nothing");
         visitor.visit_unit()
     }
 
@@ -181,7 +182,7 @@ impl<'de> Deserializer<'de> for Place<'_> {
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        visitor.visit_some(Place(self.0.inner(Shape::Optional)))
+        visitor.visit_some(LayoutSlot(self.0.inner(RecordLayout::Optional)))
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
@@ -189,11 +190,11 @@ impl<'de> Deserializer<'de> for Place<'_> {
         name: &'static str,
         visitor: V,
     ) -> Result<V::Value, Error> {
-        visitor.visit_newtype_struct(Place(self.0.inner(|inner| Shape::Named(name, inner))))
+        visitor.visit_newtype_struct(LayoutSlot(self.0.inner(|inner| RecordLayout::Named(name, inner))))
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        visitor.visit_seq(Places(std::iter::once(self.0.inner(Shape::List))))
+        visitor.visit_seq(ElementSlots(std::iter::once(self.0.inner(RecordLayout::List))))
     }
 
     fn deserialize_tuple<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, Error> {
@@ -207,7 +208,7 @@ impl<'de> Deserializer<'de> for Place<'_> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         let places = self.0.fields(name, (0..length).map(|i| i.to_string()));
-        visitor.visit_seq(Places(places.iter_mut().map(|(_, place)| place)))
+        visitor.visit_seq(ElementSlots(places.iter_mut().map(|(_, place)| place)))
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -217,7 +218,7 @@ impl<'de> Deserializer<'de> for Place<'_> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         let places = self.0.fields(name, fields.iter().map(|field| (*field).to_string()));
-        visitor.visit_seq(Places(places.iter_mut().map(|(_, place)| place)))
+        visitor.visit_seq(ElementSlots(places.iter_mut().map(|(_, place)| place)))
     }
 
     fn deserialize_enum<V: Visitor<'de>>(
@@ -226,17 +227,18 @@ impl<'de> Deserializer<'de> for Place<'_> {
         variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Error> {
-        if *self.0 == Shape::Unknown {
-            *self.0 = Shape::Variants(name, variants.iter().map(|v| (*v, Shape::Unknown)).collect());
+        if *self.0 == RecordLayout::Unknown {
+            *self.0 =
+                RecordLayout::Variants(name, variants.iter().map(|v| (*v, RecordLayout::Unknown)).collect());
         }
-        let Shape::Variants(_, places) = self.0 else { unreachable!("a place does not change") };
-        let wanted = places.iter().position(|(_, place)| !place.is_whole()).unwrap_or(0);
+        let RecordLayout::Variants(_, places) = self.0 else { unreachable!("a place does not change") };
+        let wanted = places.iter().position(|(_, place)| !place.is_complete()).unwrap_or(0);
         let Some((_, place)) = places.get_mut(wanted) else {
             return Err(Error::custom(format!("{name} has no variant")));
         };
-        visitor.visit_enum(Variant {
+        visitor.visit_enum(VariantSlot {
             number: u32::try_from(wanted).map_err(Error::custom)?,
-            place: Place(place),
+            slot: LayoutSlot(place),
         })
     }
 
@@ -245,35 +247,35 @@ impl<'de> Deserializer<'de> for Place<'_> {
     }
 }
 
-struct Places<I>(I);
+struct ElementSlots<I>(I);
 
-impl<'de, 'a, I: Iterator<Item = &'a mut Shape>> SeqAccess<'de> for Places<I> {
+impl<'de, 'a, I: Iterator<Item = &'a mut RecordLayout>> SeqAccess<'de> for ElementSlots<I> {
     type Error = Error;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
-        self.0.next().map(|place| seed.deserialize(Place(place))).transpose()
+        self.0.next().map(|place| seed.deserialize(LayoutSlot(place))).transpose()
     }
 }
 
-struct Variant<'a> {
+struct VariantSlot<'a> {
     number: u32,
-    place: Place<'a>,
+    slot: LayoutSlot<'a>,
 }
 
-impl<'de, 'a> EnumAccess<'de> for Variant<'a> {
+impl<'de, 'a> EnumAccess<'de> for VariantSlot<'a> {
     type Error = Error;
-    type Variant = Place<'a>;
+    type Variant = LayoutSlot<'a>;
 
-    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Place<'a>), Error> {
-        Ok((seed.deserialize(self.number.into_deserializer())?, self.place))
+    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, LayoutSlot<'a>), Error> {
+        Ok((seed.deserialize(self.number.into_deserializer())?, self.slot))
     }
 }
 
-impl<'de> VariantAccess<'de> for Place<'_> {
+impl<'de> VariantAccess<'de> for LayoutSlot<'_> {
     type Error = Error;
 
     fn unit_variant(self) -> Result<(), Error> {
-        *self.0 = Shape::Plain("nothing");
+        *self.0 = RecordLayout::Plain("nothing");
         Ok(())
     }
 

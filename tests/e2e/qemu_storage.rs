@@ -7,7 +7,7 @@ use kou_tests::set_up;
 
 #[test]
 fn qemu_storage_survives_power_cuts_and_frames_and_tag_are_the_hosts() {
-    let ended = set_up(run_to_end(&PilOptions::of_binary("kou-qemu-keep"), &[]));
+    let ended = set_up(run_to_end(&PilOptions::of_binary("kou-qemu-storage-check"), &[]));
     assert_eq!(ended.code, Some(0), "{}", ended.printed);
     println!("{}", ended.printed);
     let words: Vec<&str> = ended.printed.split_whitespace().collect();
