@@ -12,7 +12,7 @@ use kou_estimator::units::{Celsius, LeakageCoefficient, Megapascal, Ratio, RevPe
 use crate::calibration::{oil_config, reduced_config};
 pub use kou_lumped::OperatingPoint;
 use kou_lumped::machine::Machine;
-use kou_lumped::{Model, Settings, SimError, SteadyCase, SteadyPoint};
+use kou_lumped::{LumpedModel, SimError, SolverSettings, SteadyCase, SteadyPoint};
 use kou_records::BenchPoint;
 use kou_records::InputError;
 
@@ -80,9 +80,9 @@ pub trait RatioModel: Sync {
 /// The full model.
 #[derive(Debug)]
 pub struct FullRatio {
-    model: Model,
+    model: LumpedModel,
     file: Machine,
-    settings: Settings,
+    settings: SolverSettings,
 }
 
 impl FullRatio {
@@ -95,8 +95,8 @@ impl FullRatio {
     }
 
     fn of(file: &Machine, changed: Machine) -> Result<Self, InputError> {
-        let model = Model::new(&changed).map_err(plant_error)?;
-        Ok(Self { model, file: file.clone(), settings: Settings::default() })
+        let model = LumpedModel::new(&changed).map_err(plant_error)?;
+        Ok(Self { model, file: file.clone(), settings: SolverSettings::default() })
     }
 }
 
@@ -110,7 +110,7 @@ impl RatioModel for FullRatio {
         let point = match SteadyPoint::solve_with(&self.model, &case, &self.settings) {
             // Near a slow beat of the two ripples the last digit takes many windows; one digit less is still enough.
             Err(SimError::NotSteady { .. }) => {
-                let coarse = Settings { tolerance: 4.0 * self.settings.tolerance, ..self.settings };
+                let coarse = SolverSettings { tolerance: 4.0 * self.settings.tolerance, ..self.settings };
                 SteadyPoint::solve_with(&self.model, &case, &coarse)
             }
             other => other,

@@ -9,41 +9,46 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use kou_lumped::integrator::{Inputs, Integrator, State};
+use kou_lumped::integrator::Integrator;
 use kou_lumped::machine::Machine;
-use kou_lumped::run::run;
-use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::plant_state::{PlantInputs, PlantState};
+use kou_lumped::shaft::{ShaftDrive, ShaftLoad};
+use kou_lumped::stepping::advance;
 use kou_lumped::tableau::Method;
-use kou_lumped::{LoadCondition, Model, Plant, SteadyCase, SteadyPoint};
+use kou_lumped::{LoadCondition, LumpedModel, Plant, SteadyCase, SteadyPoint};
 
 const RPM: f64 = 2000.0;
 
-fn model() -> Model {
+fn model() -> LumpedModel {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
     let machine = Machine::load(&path).unwrap_or_else(|e| panic!("{e}"));
-    Model::new(&machine).unwrap_or_else(|e| panic!("{e}"))
+    LumpedModel::new(&machine).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn inputs() -> Inputs {
-    Inputs { drive: Drive::SpeedRadS(RPM / 60.0 * TAU), load: Load::ResistiveNm(1659.0), alpha: 1.0 }
+fn inputs() -> PlantInputs {
+    PlantInputs {
+        drive: ShaftDrive::SpeedRadS(RPM / 60.0 * TAU),
+        load: ShaftLoad::ResistiveNm(1659.0),
+        alpha: 1.0,
+    }
 }
 
-fn begin<'a>(plant: &'a Plant, method: Method) -> (Integrator<'a>, State) {
+fn begin<'a>(plant: &'a Plant, method: Method) -> (Integrator<'a>, PlantState) {
     let mut integrator = Integrator::new(plant, method);
     let mut state = integrator.initial(36.5e6, 1.6e6, &inputs(), 1.0, 0.1);
     state.omega_m_rad_s = 0.909 * RPM / 60.0 * TAU;
     (integrator, state)
 }
 
-fn advance(integrator: &mut Integrator<'_>, state: &mut State, step_deg: f64, revolutions: f64) {
+fn turn_pump(integrator: &mut Integrator<'_>, state: &mut PlantState, step_deg: f64, revolutions: f64) {
     let h = step_deg / 6.0 / RPM;
     let steps = (revolutions * 360.0 / step_deg).round() as u64;
-    run(integrator, state, &inputs(), h, steps, &mut ()).unwrap_or_else(|e| panic!("{e}"));
+    advance(integrator, state, &inputs(), h, steps, &mut ()).unwrap_or_else(|e| panic!("{e}"));
 }
 
 fn ratio(plant: &Plant, method: Method, step_deg: f64) -> f64 {
     let (mut integrator, mut state) = begin(plant, method);
-    advance(&mut integrator, &mut state, step_deg, 40.0);
+    turn_pump(&mut integrator, &mut state, step_deg, 40.0);
     state.phi_m_rad / state.phi_p_rad
 }
 
@@ -58,9 +63,9 @@ fn closed_loop(c: &mut Criterion) {
             let error = (ratio(&plant, method, step_deg) - truth).abs();
             eprintln!("{method:?}, {step_deg} deg: ratio error {error:.1e}");
             let (mut integrator, mut state) = begin(&plant, method);
-            advance(&mut integrator, &mut state, step_deg, 4.0);
+            turn_pump(&mut integrator, &mut state, step_deg, 4.0);
             group.bench_function(BenchmarkId::new(format!("{method:?}"), step_deg), |b| {
-                b.iter(|| advance(&mut integrator, black_box(&mut state), step_deg, RPM / 60.0));
+                b.iter(|| turn_pump(&mut integrator, black_box(&mut state), step_deg, RPM / 60.0));
             });
         }
     }

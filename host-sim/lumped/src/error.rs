@@ -1,6 +1,6 @@
 //! Why a simulation cannot start or cannot go on; every variant names the cause and the value.
 
-use crate::input::InvalidInput;
+use crate::invalid_input::InvalidInput;
 
 /// Failure of the full model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,127 +1,104 @@
-//! The one error that bad input produces: file, line, column, value and the allowed range, as far as they are known.
+//! Error for a value that the model cannot work with: position in its file, value and allowed range.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Closed interval of allowed values together with the unit in which it is stated.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
-    /// Smallest allowed value.
-    pub min: f64,
-    /// Largest allowed value.
-    pub max: f64,
-    /// Unit as it is printed, for instance `MPa`; empty for a pure number.
-    pub unit: &'static str,
-}
+use crate::range::Range;
 
-impl Range {
-    /// Range from `min` to `max`, both allowed, in `unit`.
-    #[must_use]
-    pub const fn new(min: f64, max: f64, unit: &'static str) -> Self {
-        Self { min, max, unit }
-    }
-
-    /// Whether `value` is a number inside the range; NaN and infinities never are.
-    #[must_use]
-    pub fn contains(&self, value: f64) -> bool {
-        value.is_finite() && value >= self.min && value <= self.max
-    }
-}
-
-impl fmt::Display for Range {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
-        match (self.min.is_finite(), self.max.is_finite()) {
-            (true, true) => write!(f, "{} to {}{unit}", self.min, self.max),
-            (true, false) => write!(f, "{}{unit} or more", self.min),
-            (false, true) => write!(f, "{}{unit} or less", self.max),
-            (false, false) => write!(f, "any number{unit}"),
-        }
-    }
-}
-
-/// Bad input, with the place where it stands. Built up with the `at_`/`with_` methods.
-///
-/// Printed as `file:line: column NAME: MESSAGE (value V; allowed: R)`; parts that are not known are left out.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub struct InvalidInput {
-    /// File that holds the bad input.
-    pub file: Option<PathBuf>,
-    /// Line in the file, from 1.
-    pub line: Option<u64>,
-    /// Column name of a table, or the position in the line for free text.
+/// Position in an input file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FilePosition {
+    /// File as it was named by the caller.
+    pub file: PathBuf,
+    /// Line, from 1; absent where the file as a whole is meant.
+    pub line: Option<usize>,
+    /// Column of a table by its heading, or the character in the line, from 1.
     pub column: Option<String>,
-    /// The offending value as it stands in the file.
-    pub value: Option<String>,
-    /// What would have been allowed.
-    pub allowed: Option<String>,
+}
+
+impl FilePosition {
+    /// The file as a whole.
+    #[must_use]
+    pub fn file(path: &Path) -> Self {
+        Self { file: path.to_path_buf(), line: None, column: None }
+    }
+}
+
+impl fmt::Display for FilePosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        self.column.iter().try_for_each(|column| write!(f, " column {column}:"))
+    }
+}
+
+/// Invalid value in a machine file, an area table or an operating point.
+///
+/// Printed as `FILE:LINE: column NAME: MESSAGE (value V; allowed: R)` without the parts that are unknown.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub struct InvalidInput {
+    /// Where the value was read; absent for values that no file holds.
+    pub position: Option<FilePosition>,
     /// What is wrong, in one sentence without a full stop.
     pub message: String,
+    /// The value as written.
+    pub value: Option<String>,
+    /// Allowed values.
+    pub allowed: Option<String>,
 }
 
 impl InvalidInput {
-    /// Error with a message and no place yet.
+    /// Error with a message only.
     #[must_use]
     pub fn new(message: impl Into<String>) -> Self {
-        Self { file: None, line: None, column: None, value: None, allowed: None, message: message.into() }
+        Self { position: None, message: message.into(), value: None, allowed: None }
     }
 
-    /// Names the file; a file already named stays.
+    /// Error about a quantity outside its range.
     #[must_use]
-    pub fn at_file(mut self, file: &Path) -> Self {
-        self.file.get_or_insert_with(|| file.to_path_buf());
+    pub fn out_of_range(quantity: &str, value: f64, range: Range) -> Self {
+        Self::new(format!("{quantity} is out of range")).with_value(value).with_allowed(range)
+    }
+
+    /// Adds the position.
+    #[must_use]
+    pub fn at(mut self, position: FilePosition) -> Self {
+        self.position = Some(position);
         self
     }
 
-    /// Names the line, counted from 1.
-    #[must_use]
-    pub fn at_line(mut self, line: u64) -> Self {
-        self.line = Some(line);
-        self
-    }
-
-    /// Names the column, either by its heading or by its position.
-    #[must_use]
-    pub fn at_column(mut self, column: impl ToString) -> Self {
-        self.column = Some(column.to_string());
-        self
-    }
-
-    /// Quotes the offending value.
+    /// Adds the value.
     #[must_use]
     pub fn with_value(mut self, value: impl ToString) -> Self {
         self.value = Some(value.to_string());
         self
     }
 
-    /// States what is allowed.
+    /// Adds the allowed values.
     #[must_use]
     pub fn with_allowed(mut self, allowed: impl ToString) -> Self {
         self.allowed = Some(allowed.to_string());
         self
     }
+
+    /// Line of the position, where there is one.
+    #[must_use]
+    pub fn line(&self) -> Option<usize> {
+        self.position.as_ref()?.line
+    }
 }
 
 impl fmt::Display for InvalidInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(file) = &self.file {
-            write!(f, "{}:", file.display())?;
-            if let Some(line) = self.line {
-                write!(f, "{line}:")?;
-            }
-            write!(f, " ")?;
-        } else if let Some(line) = self.line {
-            write!(f, "line {line}: ")?;
+        if let Some(position) = &self.position {
+            write!(f, "{position} ")?;
         }
-        if let Some(column) = &self.column {
-            write!(f, "column {column}: ")?;
-        }
-        write!(f, "{}", self.message)?;
-        match (&self.value, &self.allowed) {
-            (Some(value), Some(allowed)) => write!(f, " (value `{value}`; allowed: {allowed})"),
-            (Some(value), None) => write!(f, " (value `{value}`)"),
-            (None, Some(allowed)) => write!(f, " (allowed: {allowed})"),
-            (None, None) => Ok(()),
-        }
+        f.write_str(&self.message)?;
+        let value = self.value.iter().map(|value| format!("value `{value}`"));
+        let allowed = self.allowed.iter().map(|allowed| format!("allowed: {allowed}"));
+        let details: Vec<String> = value.chain(allowed).collect();
+        if details.is_empty() { Ok(()) } else { write!(f, " ({})", details.join("; ")) }
     }
 }

@@ -9,19 +9,24 @@
 //! Limits: one pressure per chamber and line (no waves in pipes), one oil temperature, quasi-static valves, leakage only
 //! from chambers to the case. No equation is shared with the estimator, on purpose.
 
+pub mod averaging;
 pub mod error;
 pub mod hydraulics;
-pub mod input;
 pub mod integrator;
-pub mod lanes;
+pub mod invalid_input;
+pub mod layout;
 pub mod machine;
-pub mod observers;
+pub mod mass_balance;
+pub mod model;
 pub mod oil;
 pub mod operating_point;
 pub mod plant;
-pub mod run;
+pub mod plant_state;
+pub mod range;
 pub mod shaft;
+pub mod simd;
 pub mod steady;
+pub mod stepping;
 pub mod tableau;
 pub mod transient;
 pub mod valve_plate;
@@ -29,7 +34,10 @@ pub mod valves;
 pub mod waveforms;
 
 pub use error::SimError;
-pub use input::{InvalidInput, Range, TomlFile};
+pub use invalid_input::InvalidInput;
+pub use machine::Machine;
+pub use model::LumpedModel;
 pub use operating_point::OperatingPoint;
-pub use plant::{Model, Plant};
-pub use steady::{LoadCondition, Settings, SteadyCase, SteadyPoint};
+pub use plant::Plant;
+pub use range::Range;
+pub use steady::{LoadCondition, SolverSettings, SteadyCase, SteadyPoint};

@@ -15,10 +15,11 @@
 //!
 //! Limits: air neither dissolves nor comes out; the mixture has one pressure and no inertia of bubbles.
 
-use crate::input::{InvalidInput, Range};
-use crate::machine::Oil;
+use crate::invalid_input::InvalidInput;
+use crate::machine::OilProperties;
+use crate::range::Range;
 
-use super::lanes::{V4, WIDTH};
+use crate::simd::{F64x4, WIDTH};
 
 /// Standard atmosphere p_0.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
@@ -57,7 +58,7 @@ impl OilTable {
     ///
     /// # Errors
     /// When the temperature is outside its range or makes a property vanish.
-    pub fn new(oil: &Oil, t_c: f64) -> Result<Self, InvalidInput> {
+    pub fn new(oil: &OilProperties, t_c: f64) -> Result<Self, InvalidInput> {
         if !TEMPERATURE.contains(t_c) {
             return Err(InvalidInput::new("oil temperature is out of range")
                 .with_value(t_c)
@@ -133,12 +134,12 @@ impl OilTable {
     /// [`OilTable::pressure`] of four lanes.
     #[inline(always)]
     #[must_use]
-    pub fn pressure4(&self, rho: V4) -> (V4, V4) {
-        let x = (rho - V4::all(self.rho_t)) * V4::all(self.inv_cell);
-        let rounding = V4::all(ROUNDING);
-        let nearest = x.min(V4::all(LAST_CELL)).max(V4::ZERO) + rounding;
+    pub fn pressure4(&self, rho: F64x4) -> (F64x4, F64x4) {
+        let x = (rho - F64x4::all(self.rho_t)) * F64x4::all(self.inv_cell);
+        let rounding = F64x4::all(ROUNDING);
+        let nearest = x.min(F64x4::all(LAST_CELL)).max(F64x4::ZERO) + rounding;
         let t = x - (nearest - rounding);
-        let mut c = [V4::ZERO; 4];
+        let mut c = [F64x4::ZERO; 4];
         for l in 0..WIDTH {
             let cell = &self.cell[nearest.0[l].to_bits() as usize % CELLS];
             for (c, x) in c.iter_mut().zip(cell) {
@@ -147,7 +148,7 @@ impl OilTable {
         }
         let [c0, c1, c2, c3] = c;
         let mut p = c0 + t * (c1 + t * (c2 + t * c3));
-        let mut slope = (c1 + t * ((c2 + c2) + t * (V4::all(3.0) * c3))) * V4::all(self.inv_cell);
+        let mut slope = (c1 + t * ((c2 + c2) + t * (F64x4::all(3.0) * c3))) * F64x4::all(self.inv_cell);
         if x.smallest() < 0.0 {
             for l in 0..WIDTH {
                 if x.0[l] < 0.0 {
@@ -244,7 +245,7 @@ impl OilTable {
 }
 
 /// Walther: log10 log10(nu + 0.7) = A - B log10(T/K).
-fn viscosity(oil: &Oil, t_c: f64) -> f64 {
+fn viscosity(oil: &OilProperties, t_c: f64) -> f64 {
     let w = oil.walther_a - oil.walther_b * (t_c + 273.15).log10();
     10f64.powf(10f64.powf(w)) - 0.7
 }
@@ -304,7 +305,7 @@ mod tests {
     fn prop_four_lanes_give_the_bits_of_one() {
         let oil = table(60.0);
         for k in 0..5000 {
-            let rho = V4([0, 1, 2, 3].map(|l| 780.0 + 0.05 * f64::from(k) + 0.01 * f64::from(l)));
+            let rho = F64x4([0, 1, 2, 3].map(|l| 780.0 + 0.05 * f64::from(k) + 0.01 * f64::from(l)));
             let (p, slope) = oil.pressure4(rho);
             for l in 0..WIDTH {
                 assert_eq!((p.0[l], slope.0[l]), oil.pressure(rho.0[l]));

@@ -5,11 +5,11 @@
 //! act as an impulse that can stop the shaft but never turn it back (time stepping after Moreau), so no artificial
 //! speed at which friction "switches" is needed.
 
-use crate::machine::{Friction, Swash};
+use crate::machine::{ShaftFriction, SwashActuator};
 
 /// Load on the motor's shaft.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Load {
+pub enum ShaftLoad {
     /// Opposes motion with up to this torque; holds at rest, cannot drive backwards.
     ResistiveNm(f64),
     /// Constant torque against positive rotation; negative values drive the motor (overrunning).
@@ -20,7 +20,7 @@ pub enum Load {
 
 /// What turns the pump.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drive {
+pub enum ShaftDrive {
     /// Speed imposed, rad/s.
     SpeedRadS(f64),
     /// Engine with a governor: torque in proportion to the lag behind `set_rad_s`, between 0 and `limit_nm`, on the
@@ -43,7 +43,7 @@ pub enum Drive {
 /// ```
 #[inline]
 #[must_use]
-pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: Friction, resisting: f64) -> f64 {
+pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: ShaftFriction, resisting: f64) -> f64 {
     let free = omega + dt / j * (torque - friction.viscous_nm_s * omega);
     let stop = dt / j * (resisting + friction.coulomb_nm);
     free - free.signum() * free.abs().min(stop)
@@ -54,7 +54,7 @@ pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: Friction, resist
 /// alpha = alpha + clamp((command - alpha)*(1 - exp(-dt/T)), -rate*dt, rate*dt)
 #[inline]
 #[must_use]
-pub fn swash(alpha: f64, command: f64, dt: f64, actuator: Swash) -> f64 {
+pub fn swash(alpha: f64, command: f64, dt: f64, actuator: SwashActuator) -> f64 {
     let away = command - alpha;
     let lag =
         if actuator.time_constant_s > 0.0 { away * -(-dt / actuator.time_constant_s).exp_m1() } else { away };

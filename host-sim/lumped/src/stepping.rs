@@ -4,37 +4,38 @@
 //! 256-bit instructions where they exist without asking for a special build; no operation is fused or reordered, so
 //! results do not depend on which version runs.
 
-use super::error::SimError;
-use super::integrator::{Inputs, Integrator, State};
+use crate::error::SimError;
+use crate::integrator::Integrator;
+use crate::plant_state::{PlantInputs, PlantState};
 
 /// What is called after every step of a batch.
-pub trait Observer {
+pub trait StepObserver {
     /// Sees the state after a step of `h` seconds.
-    fn see(&mut self, state: &State, h: f64);
+    fn observe(&mut self, state: &PlantState, h: f64);
 }
 
-impl Observer for () {
+impl StepObserver for () {
     #[inline(always)]
-    fn see(&mut self, _state: &State, _h: f64) {}
+    fn observe(&mut self, _state: &PlantState, _h: f64) {}
 }
 
-struct Batch<'a, 'p, O> {
+struct StepBatch<'a, 'p, O> {
     integrator: &'a mut Integrator<'p>,
-    state: &'a mut State,
-    inputs: &'a Inputs,
+    state: &'a mut PlantState,
+    inputs: &'a PlantInputs,
     h: f64,
     steps: u64,
     observer: &'a mut O,
 }
 
-impl<O: Observer> pulp::NullaryFnOnce for Batch<'_, '_, O> {
+impl<O: StepObserver> pulp::NullaryFnOnce for StepBatch<'_, '_, O> {
     type Output = Result<(), SimError>;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
         for _ in 0..self.steps {
             self.integrator.step(self.state, self.inputs, self.h)?;
-            self.observer.see(self.state, self.h);
+            self.observer.observe(self.state, self.h);
         }
         Ok(())
     }
@@ -44,13 +45,13 @@ impl<O: Observer> pulp::NullaryFnOnce for Batch<'_, '_, O> {
 ///
 /// # Errors
 /// As [`Integrator::step`].
-pub fn run<O: Observer>(
+pub fn advance<O: StepObserver>(
     integrator: &mut Integrator<'_>,
-    state: &mut State,
-    inputs: &Inputs,
+    state: &mut PlantState,
+    inputs: &PlantInputs,
     h: f64,
     steps: u64,
     observer: &mut O,
 ) -> Result<(), SimError> {
-    pulp::Arch::new().dispatch(Batch { integrator, state, inputs, h, steps, observer })
+    pulp::Arch::new().dispatch(StepBatch { integrator, state, inputs, h, steps, observer })
 }

@@ -5,7 +5,7 @@ pub const MAX_STAGES: usize = 4;
 
 /// One method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last stage is the new state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tableau {
+pub struct ButcherTableau {
     /// Number of stages, the explicit first one included.
     pub stages: usize,
     /// Diagonal coefficient.
@@ -29,12 +29,12 @@ pub enum Method {
 impl Method {
     /// The method's coefficients.
     #[must_use]
-    pub fn tableau(self) -> Tableau {
+    pub fn tableau(self) -> ButcherTableau {
         match self {
             Method::TrBdf2 => {
                 let gamma = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
                 let w = std::f64::consts::SQRT_2 / 4.0;
-                Tableau {
+                ButcherTableau {
                     stages: 3,
                     gamma,
                     a: [[0.0; 4], [gamma, 0.0, 0.0, 0.0], [w, w, 0.0, 0.0], [0.0; 4]],
@@ -53,7 +53,7 @@ impl Method {
                 let b2 = (r1 * c3 - r2) / (c2 * (c3 - c2));
                 let b3 = (r2 - r1 * c2) / (c3 * (c3 - c2));
                 let b1 = 1.0 - gamma - b2 - b3;
-                Tableau {
+                ButcherTableau {
                     stages: 4,
                     gamma,
                     a: [[0.0; 4], [gamma, 0.0, 0.0, 0.0], [a31, a32, 0.0, 0.0], [b1, b2, b3, 0.0]],

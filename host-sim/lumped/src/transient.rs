@@ -2,15 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use crate::input::{InvalidInput, Range};
+use crate::invalid_input::InvalidInput;
+use crate::range::Range;
 
-use super::error::SimError;
-use super::integrator::{Inputs, Integrator};
-use super::observers::MassBalance;
-use super::plant::{A, Model};
-use super::run::run;
-use super::shaft::{Drive, Load};
-use super::steady::{LoadCondition, Settings, SteadyCase, SteadyPoint};
+use crate::error::SimError;
+use crate::integrator::Integrator;
+use crate::layout::LINE_A;
+use crate::mass_balance::MassBalance;
+use crate::model::LumpedModel;
+use crate::plant_state::PlantInputs;
+use crate::shaft::{ShaftDrive, ShaftLoad};
+use crate::steady::{LoadCondition, SolverSettings, SteadyCase, SteadyPoint};
+use crate::stepping::advance;
 
 /// Simulated times that make sense for a drive.
 pub const DURATION: Range = Range::new(0.01, 60.0, "s");
@@ -46,9 +49,9 @@ pub struct StepResponse {
 /// # Errors
 /// Values out of range, a load that the drive cannot turn, or a response that has not settled by the end.
 pub fn swash_step(
-    model: &Model,
+    model: &LumpedModel,
     operating: &SteadyCase,
-    settings: &Settings,
+    settings: &SolverSettings,
     duration_s: f64,
 ) -> Result<StepResponse, SimError> {
     if !DURATION.contains(duration_s) {
@@ -63,8 +66,11 @@ pub fn swash_step(
     let plant = model.plant(operating.t_b_c, operating.kou_l_min_mpa)?;
     let mut integrator = Integrator::new(&plant, settings.method);
     let omega_p = operating.n_p_rpm / 60.0 * TAU;
-    let inputs =
-        Inputs { drive: Drive::SpeedRadS(omega_p), load: Load::ResistiveNm(load), alpha: operating.alpha };
+    let inputs = PlantInputs {
+        drive: ShaftDrive::SpeedRadS(omega_p),
+        load: ShaftLoad::ResistiveNm(load),
+        alpha: operating.alpha,
+    };
     let mut state = integrator.initial(plant.low_pa, plant.low_pa, &inputs, 0.0, 0.0);
     let account = MassBalance::open(&state, &plant);
     let h = settings.step_deg.to_radians() / omega_p;
@@ -72,10 +78,10 @@ pub fn swash_step(
     let samples = (duration_s / (per_sample * h)).ceil() as u64;
     let mut trace = Vec::new();
     for _ in 0..samples {
-        run(&mut integrator, &mut state, &inputs, h, per_sample as u64, &mut ())?;
+        advance(&mut integrator, &mut state, &inputs, h, per_sample as u64, &mut ())?;
         let gauge = |p: f64| (p - super::oil::ATMOSPHERE_PA) * 1.0e-6;
         let n_m = state.omega_m_rad_s / TAU * 60.0;
-        trace.push([state.time_s, n_m, gauge(state.p_node_pa[A]), gauge(state.p_node_pa[1 - A])]);
+        trace.push([state.time_s, n_m, gauge(state.p_node_pa[LINE_A]), gauge(state.p_node_pa[1 - LINE_A])]);
     }
     let relative = |n: f64| n / n_m_steady_rpm - 1.0;
     let settling_s = trace.iter().rev().find(|row| relative(row[1]).abs() > BAND).map_or(0.0, |row| row[0]);

@@ -3,19 +3,19 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use kou_lumped::TomlFile;
-use kou_lumped::integrator::{Inputs, Integrator, State};
-use kou_lumped::lanes::WIDTH;
+use kou_lumped::averaging::{AveragingWindow, WindowShape};
+use kou_lumped::integrator::Integrator;
 use kou_lumped::machine::Machine;
-use kou_lumped::observers::{Shape, Window};
-use kou_lumped::run::run;
-use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::plant_state::{PlantInputs, PlantState};
+use kou_lumped::shaft::{ShaftDrive, ShaftLoad};
+use kou_lumped::simd::WIDTH;
+use kou_lumped::stepping::advance;
 use kou_lumped::tableau::Method;
-use kou_lumped::{LoadCondition, Model, Plant, Settings, SteadyCase, SteadyPoint};
+use kou_lumped::{LoadCondition, LumpedModel, Plant, SolverSettings, SteadyCase, SteadyPoint};
 
-fn shipped(name: &str) -> Model {
+fn shipped(name: &str) -> LumpedModel {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines").join(name);
-    Model::new(&Machine::load(&path).unwrap()).unwrap()
+    LumpedModel::new(&Machine::load(&path).unwrap()).unwrap()
 }
 
 /// Ten operating points across the envelope: speed, pressure, Kou, displacement, temperature.
@@ -41,8 +41,8 @@ fn operating(point: (f64, f64, f64, f64, f64)) -> SteadyCase {
 #[test]
 fn prop_halving_the_default_step_changes_no_ratio_by_more_than_2e_5() {
     let model = shipped("reference.toml");
-    let settings = Settings::default();
-    let half = Settings { step_deg: 0.5 * settings.step_deg, ..settings };
+    let settings = SolverSettings::default();
+    let half = SolverSettings { step_deg: 0.5 * settings.step_deg, ..settings };
     for point in ENVELOPE {
         let whole = SteadyPoint::solve_with(&model, &operating(point), &settings).unwrap();
         let halved = SteadyPoint::solve_with(&model, &operating(point), &half).unwrap();
@@ -65,7 +65,7 @@ fn val_long_transient_has_the_ratio_of_the_steady_search() {
         ("seven-piston.toml", (2270.0, 43.3, 0.0352, 0.31, 56.0)),
     ] {
         let model = shipped(name);
-        let settings = Settings { step_deg: 0.5, ..Settings::default() };
+        let settings = SolverSettings { step_deg: 0.5, ..SolverSettings::default() };
         let at = operating(point);
         let plant = model.plant(at.t_b_c, at.kou_l_min_mpa).unwrap();
         let (steady, mut state, _) = SteadyPoint::solve_state(&plant, &model, &at, &settings).unwrap();
@@ -73,18 +73,18 @@ fn val_long_transient_has_the_ratio_of_the_steady_search() {
         let friction = model.machine().motor().unwrap().friction;
         let omega = state.omega_m_rad_s.abs();
         let load = steady.torque_nm - friction.coulomb_nm - friction.viscous_nm_s * omega;
-        let inputs = Inputs {
-            drive: Drive::SpeedRadS(state.omega_p_rad_s),
-            load: Load::ResistiveNm(load),
+        let inputs = PlantInputs {
+            drive: ShaftDrive::SpeedRadS(state.omega_p_rad_s),
+            load: ShaftLoad::ResistiveNm(load),
             alpha: at.alpha,
         };
         let mut integrator = Integrator::new(&plant, settings.method);
         state.restart();
         let h = TAU / state.omega_p_rad_s / 720.0;
-        run(&mut integrator, &mut state, &inputs, h, 40 * 720, &mut ()).unwrap();
-        let shape = Shape { box_steps: 120.0 * 720.0, edge_steps: 40.0 * 720.0 };
-        let mut window = Window::new(&state, shape);
-        run(&mut integrator, &mut state, &inputs, h, shape.steps(), &mut window).unwrap();
+        advance(&mut integrator, &mut state, &inputs, h, 40 * 720, &mut ()).unwrap();
+        let shape = WindowShape { box_steps: 120.0 * 720.0, edge_steps: 40.0 * 720.0 };
+        let mut window = AveragingWindow::new(&state, shape);
+        advance(&mut integrator, &mut state, &inputs, h, shape.steps(), &mut window).unwrap();
         let means = window.means();
         let ratio = means.omega_m_rad_s / means.omega_p_rad_s;
         // The transient settles on the pressure that balances the load; that may differ a little from the search's.
@@ -99,7 +99,7 @@ fn val_long_transient_has_the_ratio_of_the_steady_search() {
 }
 
 /// A machine whose port areas are smooth (squared sines from a table), so that the methods can show their order.
-fn smooth() -> Model {
+fn smooth() -> LumpedModel {
     use std::fmt::Write;
     let dir = tempfile::tempdir().unwrap();
     // The kidney of line A serves shrinking chambers in a pump, expanding ones in a motor.
@@ -120,21 +120,24 @@ fn smooth() -> Model {
         let end = exit + text[exit..].find('\n').unwrap();
         text.replace_range(start..end, &format!("table = \"{name}\""));
     }
-    let file = TomlFile::from_text(&dir.path().join("m.toml"), text).unwrap();
-    Model::new(&Machine::from_toml(&file).unwrap()).unwrap()
+    LumpedModel::new(&Machine::from_text(&dir.path().join("m.toml"), &text).unwrap()).unwrap()
 }
 
-fn end_state(plant: &Plant, method: Method, steps: u64) -> State {
+fn end_state(plant: &Plant, method: Method, steps: u64) -> PlantState {
     let mut integrator = Integrator::new(plant, method);
     let omega = 2000.0 / 60.0 * TAU;
-    let inputs = Inputs { drive: Drive::SpeedRadS(omega), load: Load::SpeedRadS(0.9 * omega), alpha: 1.0 };
+    let inputs = PlantInputs {
+        drive: ShaftDrive::SpeedRadS(omega),
+        load: ShaftLoad::SpeedRadS(0.9 * omega),
+        alpha: 1.0,
+    };
     let mut state = integrator.initial(30.0e6, 1.6e6, &inputs, 1.0, 0.2);
     let h = TAU / 3.0 / omega / steps as f64;
-    run(&mut integrator, &mut state, &inputs, h, steps, &mut ()).unwrap();
+    advance(&mut integrator, &mut state, &inputs, h, steps, &mut ()).unwrap();
     state
 }
 
-fn difference(plant: &Plant, a: &State, b: &State) -> f64 {
+fn difference(plant: &Plant, a: &PlantState, b: &PlantState) -> f64 {
     let sum: f64 = (0..plant.chambers())
         .map(|i| (a.p_chamber_pa[i / WIDTH].0[i % WIDTH] - b.p_chamber_pa[i / WIDTH].0[i % WIDTH]).powi(2))
         .sum();
@@ -187,7 +190,7 @@ fn prop_ratio_falls_smoothly_with_kou() {
 /// what the default step may be off by as well.
 #[test]
 fn prop_every_point_of_the_envelope_has_a_steady_state() {
-    let thorough = Settings { members: Some(31), windows: 3, ..Settings::default() };
+    let thorough = SolverSettings { members: Some(31), windows: 3, ..SolverSettings::default() };
     for name in ["reference.toml", "seven-piston.toml"] {
         let model = shipped(name);
         // A fixed linear congruential sequence: the same points every time.

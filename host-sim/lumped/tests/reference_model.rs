@@ -8,13 +8,14 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use diffsol::{MatrixCommon, NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod};
-use kou_lumped::integrator::{Inputs, Integrator, State};
-use kou_lumped::lanes::WIDTH;
-use kou_lumped::machine::{Case, ChargeDrive, Machine, PlateGeometry, Unit};
-use kou_lumped::run::{Observer, run};
-use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::integrator::Integrator;
+use kou_lumped::machine::{ChargeDrive, Machine, PistonUnit, PlateGeometry, PortAreas};
+use kou_lumped::plant_state::{PlantInputs, PlantState};
+use kou_lumped::shaft::{ShaftDrive, ShaftLoad};
+use kou_lumped::simd::WIDTH;
+use kou_lumped::stepping::{StepObserver, advance};
 use kou_lumped::tableau::Method;
-use kou_lumped::{LoadCondition, Model, SteadyCase, SteadyPoint};
+use kou_lumped::{LoadCondition, LumpedModel, SteadyCase, SteadyPoint};
 
 /// Speed, pressure, Kou, displacement: across the envelope, both directions, partial displacement.
 const POINTS: [(f64, f64, f64, f64); 10] = [
@@ -110,11 +111,11 @@ fn area(g: &PlateGeometry, phi: f64, middle: f64) -> f64 {
         + groove.area_mm2 * reach.powi(2) * (1.0 - overlap / most)
 }
 
-fn geometry(unit: &Unit) -> (&PlateGeometry, f64) {
+fn geometry(unit: &PistonUnit) -> (&PlateGeometry, f64) {
     let plate = unit.valve_plate.as_ref().unwrap();
-    match &plate.case {
-        Case::Geometry(g) => (g, plate.discharge_coefficient),
-        Case::Table(_) => panic!("the referee knows geometry only"),
+    match &plate.areas {
+        PortAreas::Geometry(g) => (g, plate.discharge_coefficient),
+        PortAreas::Table(_) => panic!("the referee knows geometry only"),
     }
 }
 
@@ -131,7 +132,7 @@ impl Referee<'_> {
         cd_area * 1e-6 * root * dp / s.sqrt()
     }
 
-    fn relief(&self, valve: &kou_lumped::machine::Relief, dp: f64) -> f64 {
+    fn relief(&self, valve: &kou_lumped::machine::ReliefValve, dp: f64) -> f64 {
         let above = dp - (valve.setting_mpa - valve.override_mpa);
         let round = 0.1 * valve.override_mpa;
         let gain = self.oil.rho_0 * valve.rated_flow_l_min / 60_000.0 / (0.95 * valve.override_mpa);
@@ -262,8 +263,8 @@ struct Samples {
     chambers: usize,
 }
 
-impl Observer for Samples {
-    fn see(&mut self, state: &State, _h: f64) {
+impl StepObserver for Samples {
+    fn observe(&mut self, state: &PlantState, _h: f64) {
         self.seen += 1;
         if self.seen.is_multiple_of(self.every) {
             self.rows.push(columns(state, self.chambers));
@@ -271,7 +272,7 @@ impl Observer for Samples {
     }
 }
 
-fn columns(state: &State, chambers: usize) -> Vec<f64> {
+fn columns(state: &PlantState, chambers: usize) -> Vec<f64> {
     let mut row: Vec<f64> =
         (0..chambers).map(|i| 1e-6 * state.p_chamber_pa[i / WIDTH].0[i % WIDTH]).collect();
     row.extend(state.p_node_pa.map(|p| 1e-6 * p));
@@ -280,24 +281,27 @@ fn columns(state: &State, chambers: usize) -> Vec<f64> {
 }
 
 /// Ratio difference and worst waveform difference (fraction of peak to peak) of one point at a step.
-fn compare(model: &Model, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64) -> (f64, f64) {
+fn compare(model: &LumpedModel, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64) -> (f64, f64) {
     let (n_p_rpm, p, kou, alpha) = point;
     let condition = LoadCondition::HighPressureMpa(p);
     let operating = SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
     let steady = SteadyPoint::solve(model, &operating).unwrap();
     let plant = model.plant(60.0, kou).unwrap();
     let omega_p = n_p_rpm / 60.0 * TAU;
-    let mut inputs =
-        Inputs { drive: Drive::SpeedRadS(omega_p), load: Load::SpeedRadS(steady.ratio * omega_p), alpha };
+    let mut inputs = PlantInputs {
+        drive: ShaftDrive::SpeedRadS(omega_p),
+        load: ShaftLoad::SpeedRadS(steady.ratio * omega_p),
+        alpha,
+    };
     let (high, low) = (p * 1e6 + 101_325.0, 1.6e6);
     let (p_a, p_b) = if alpha > 0.0 { (high, low) } else { (low, high) };
     let mut integrator = Integrator::new(&plant, Method::default());
     let mut state = integrator.initial(p_a, p_b, &inputs, alpha, 0.1);
     let h = step_deg.to_radians() / omega_p;
     // Half a turn with a fine step, then one turn to compare, the motor free under its load.
-    run(&mut integrator, &mut state, &inputs, 0.02f64.to_radians() / omega_p, 9000, &mut ()).unwrap();
+    advance(&mut integrator, &mut state, &inputs, 0.02f64.to_radians() / omega_p, 9000, &mut ()).unwrap();
     let load_nm = alpha.signum() * steady.torque_nm;
-    inputs.load = Load::ConstantNm(load_nm);
+    inputs.load = ShaftLoad::ConstantNm(load_nm);
     let start = columns(&state, plant.chambers());
     let referee = Referee {
         machine: model.machine(),
@@ -311,7 +315,7 @@ fn compare(model: &Model, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64)
     let truth = referee.integrate(&start, rtol);
     let every = (1.0 / step_deg).round() as u64;
     let mut samples = Samples { every, seen: 0, rows: Vec::new(), chambers: plant.chambers() };
-    run(&mut integrator, &mut state, &inputs, h, every * SAMPLES as u64, &mut samples).unwrap();
+    advance(&mut integrator, &mut state, &inputs, h, every * SAMPLES as u64, &mut samples).unwrap();
     let n = plant.chambers();
     let turned = |rows: &[Vec<f64>]| (rows[SAMPLES - 1][n + 5] - start[n + 5]) / TAU;
     let mut worst: f64 = 0.0;
@@ -331,7 +335,7 @@ fn compare(model: &Model, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64)
 #[test]
 fn val_diffsol_agrees_on_ratio_and_waveforms_at_ten_points() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
-    let model = Model::new(&Machine::load(&path).unwrap()).unwrap();
+    let model = LumpedModel::new(&Machine::load(&path).unwrap()).unwrap();
     for point in POINTS {
         let (ratio, waveform) = compare(&model, point, 0.1, 1e-7);
         println!("{point:?}: ratio {ratio:.1e}, waveform {:.3} %", 100.0 * waveform);

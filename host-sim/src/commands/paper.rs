@@ -14,10 +14,10 @@ use super::{Failure, print_json, print_text, progress};
 use kou_lumped::integrator::Integrator;
 use kou_lumped::machine::Machine;
 use kou_lumped::oil::ATMOSPHERE_PA;
-use kou_lumped::run::run as run_steps;
+use kou_lumped::stepping::advance;
 use kou_lumped::transient::{StepResponse, swash_step};
-use kou_lumped::waveforms::Recorder;
-use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint};
+use kou_lumped::waveforms::WaveformRecorder;
+use kou_lumped::{LoadCondition, LumpedModel, SolverSettings, SteadyCase, SteadyPoint};
 use kou_records::InputError;
 
 /// Conditions of the paper's figures 7 and 8.
@@ -67,7 +67,7 @@ struct Report {
 /// # Errors
 /// Bad input, a file that cannot be written, or a computed value outside the published one's tolerance.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let model = Model::new(&Machine::load(&args.machine)?)?;
+    let model = LumpedModel::new(&Machine::load(&args.machine)?)?;
     std::fs::create_dir_all(&args.out)
         .map_err(|e| InputError::new(format!("folder cannot be made: {e}")).at_file(&args.out))?;
     let bar = progress("paper");
@@ -113,12 +113,17 @@ fn at(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> SteadyCase {
     SteadyCase { n_p_rpm, condition, t_b_c: T_B_C, alpha: 1.0, kou_l_min_mpa: kou }
 }
 
-fn step(model: &Model, kou: f64) -> Result<StepResponse, Failure> {
-    Ok(swash_step(model, &at(LoadCondition::LoadNm(LOAD_NM), SPEED_RPM, kou), &Settings::default(), 2.0)?)
+fn step(model: &LumpedModel, kou: f64) -> Result<StepResponse, Failure> {
+    Ok(swash_step(
+        model,
+        &at(LoadCondition::LoadNm(LOAD_NM), SPEED_RPM, kou),
+        &SolverSettings::default(),
+        2.0,
+    )?)
 }
 
 /// High pressure, ratio without and with leakage.
-fn ratio_curves(model: &Model) -> Result<Vec<[f64; 3]>, Failure> {
+fn ratio_curves(model: &LumpedModel) -> Result<Vec<[f64; 3]>, Failure> {
     let pressures: Vec<f64> = (0..=16).map(|k| 10.0 + 2.5 * f64::from(k)).collect();
     let curves: Result<Vec<_>, _> = pressures
         .into_par_iter()
@@ -133,7 +138,7 @@ fn ratio_curves(model: &Model) -> Result<Vec<[f64; 3]>, Failure> {
     curves
 }
 
-fn port_areas(model: &Model) -> Result<Lines, Failure> {
+fn port_areas(model: &LumpedModel) -> Result<Lines, Failure> {
     let plant = model.plant(T_B_C, 0.0)?;
     let cd = model.machine().pump().valve_plate.as_ref().map_or(1.0, |plate| plate.discharge_coefficient);
     let pitch = 360.0 / model.machine().pump().pistons as f64;
@@ -152,7 +157,7 @@ fn port_areas(model: &Model) -> Result<Lines, Failure> {
     })
 }
 
-fn bulk_modulus(model: &Model) -> Result<Lines, Failure> {
+fn bulk_modulus(model: &LumpedModel) -> Result<Lines, Failure> {
     let oil = model.oil(T_B_C)?;
     let points = (0..=600).map(|k| {
         let p = 0.1 * f64::from(k);
@@ -166,8 +171,8 @@ fn bulk_modulus(model: &Model) -> Result<Lines, Failure> {
     })
 }
 
-fn ripple(model: &Model) -> Result<Lines, Failure> {
-    let settings = Settings { step_deg: 0.1, ..Settings::default() };
+fn ripple(model: &LumpedModel) -> Result<Lines, Failure> {
+    let settings = SolverSettings { step_deg: 0.1, ..SolverSettings::default() };
     let mut series = Vec::new();
     for p in [20.0, 40.0] {
         let operating = at(LoadCondition::HighPressureMpa(p), RIPPLE_RPM, KOU_RIPPLE);
@@ -176,11 +181,11 @@ fn ripple(model: &Model) -> Result<Lines, Failure> {
         let mut integrator = Integrator::new(&plant, settings.method);
         let (start_s, h) = (state.time_s, settings.step_deg / 6.0 / RIPPLE_RPM);
         state.restart();
-        let mut recorder = Recorder::new(&plant, 1);
-        run_steps(&mut integrator, &mut state, &inputs, h, 1200, &mut recorder)?;
+        let mut recorder = WaveformRecorder::new(&plant, 1);
+        advance(&mut integrator, &mut state, &inputs, h, 1200, &mut recorder)?;
         series.push(Series::new(
             format!("p_H = {p} MPa"),
-            recorder.rows().iter().map(|row| (row.time_s - start_s, row.p_node_mpa[0] - p)),
+            recorder.samples().iter().map(|row| (row.time_s - start_s, row.p_node_mpa[0] - p)),
         ));
     }
     Ok(Lines {

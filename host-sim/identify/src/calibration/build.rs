@@ -12,7 +12,7 @@ use kou_estimator::units::{
     RevPerMin,
 };
 
-use kou_lumped::machine::{Machine, Receiver};
+use kou_lumped::machine::{FlowReceiver, Machine};
 use kou_records::InputError;
 
 /// Measurement class of ISO 4409 (permissible systematic errors of instruments).
@@ -79,8 +79,8 @@ pub fn oil_config(machine: &Machine) -> OilConfig {
 pub fn reduced_config(machine: &Machine) -> ReducedConfig {
     let pump = machine.pump();
     let (motor_dead_cm3, motor_pistons) = match machine.receiver() {
-        Receiver::Motor(motor) => (motor.dead_volume_cm3 * motor.pistons as f64, motor.pistons),
-        Receiver::FlowMeter(_) => (0.0, 0),
+        FlowReceiver::Motor(motor) => (motor.dead_volume_cm3 * motor.pistons as f64, motor.pistons),
+        FlowReceiver::FlowMeter(_) => (0.0, 0),
     };
     ReducedConfig {
         pump_displacement: CubicCentimetrePerRev(single(pump.displacement_cm3_per_rev)),
@@ -108,8 +108,8 @@ pub fn assemble(
     settings: &Settings,
 ) -> Result<Calibration, InputError> {
     let (output, motor_pistons) = match machine.receiver() {
-        Receiver::Motor(motor) => (Output::Motor, motor.pistons),
-        Receiver::FlowMeter(_) => (Output::FlowMeter, 0),
+        FlowReceiver::Motor(motor) => (Output::Motor, motor.pistons),
+        FlowReceiver::FlowMeter(_) => (Output::FlowMeter, 0),
     };
     let text = |what: &str, value: &str, longest: usize| {
         InputError::new(format!("{what} is too long"))

@@ -11,12 +11,15 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
+use crate::averaging::{AveragingWindow, WindowMeans, WindowShape};
 use crate::error::SimError;
-use crate::integrator::{Inputs, Integrator, State};
-use crate::lanes::WIDTH;
-use crate::observers::{MassBalance, Means, Shape, Window};
-use crate::plant::{A, B, Plant};
-use crate::run::run;
+use crate::integrator::Integrator;
+use crate::layout::{LINE_A, LINE_B};
+use crate::mass_balance::MassBalance;
+use crate::plant::Plant;
+use crate::plant_state::{PlantInputs, PlantState};
+use crate::simd::WIDTH;
+use crate::stepping::advance;
 use crate::tableau::Method;
 
 /// Numbers of members to choose from.
@@ -40,23 +43,23 @@ const RESETTLE_REV: f64 = 0.25;
 
 /// What one window of all runs tells.
 #[derive(Debug, Clone, Copy)]
-pub struct Seen {
+pub struct WindowResult {
     /// Means over all runs.
-    pub means: Means,
+    pub means: WindowMeans,
     /// Largest peak-to-peak pressure of a line, by line.
     pub ripple_pa: [f64; 2],
 }
 
 /// A step, in time and in steps per pump revolution.
 #[derive(Debug, Clone, Copy)]
-pub struct Pace {
+pub struct StepSize {
     /// Step.
     pub h_s: f64,
     /// Steps of one pump revolution.
     pub steps_per_rev: u64,
 }
 
-impl Pace {
+impl StepSize {
     /// Steps of about `step_deg` of pump angle that divide a revolution.
     pub fn new(step_deg: f64, omega_p: f64) -> Self {
         let steps = (360.0 / step_deg).ceil().max(1.0);
@@ -66,45 +69,49 @@ impl Pace {
 
 /// What is common to all runs: the drive, the steps, the side that is high.
 #[derive(Debug, Clone, Copy)]
-pub struct Setting<'a> {
+pub struct EnsembleConfig<'a> {
     /// The drive.
     pub plant: &'a Plant,
     /// Method.
     pub method: Method,
     /// Step of what is measured.
-    pub fine: Pace,
+    pub fine: StepSize,
     /// Step of what only leads there: start-up, waits and the run that goes ahead.
-    pub coarse: Pace,
+    pub coarse: StepSize,
     /// Line that is high.
     pub high: usize,
 }
 
 /// One run: its integrator and state.
-struct Run<'a> {
+struct EnsembleMember<'a> {
     integrator: Integrator<'a>,
-    state: State,
+    state: PlantState,
     /// Mean high pressure of its last window.
     p_high_pa: f64,
 }
 
 /// The first run, or the members.
-pub struct Runs<'a> {
-    setting: Setting<'a>,
-    runs: Vec<Run<'a>>,
-    pace: Pace,
-    shape: Shape,
+pub struct Ensemble<'a> {
+    setting: EnsembleConfig<'a>,
+    runs: Vec<EnsembleMember<'a>>,
+    pace: StepSize,
+    shape: WindowShape,
     /// Pump revolutions made by all runs, those that were given up included.
     pub revolutions: f64,
     /// Largest error of the mass balance over a window.
     pub worst_balance: f64,
 }
 
-impl<'a> Runs<'a> {
+impl<'a> Ensemble<'a> {
     /// The run that goes ahead, settled.
-    pub fn scout(setting: Setting<'a>, inputs: &Inputs, p_high_pa: f64) -> Result<Self, SimError> {
+    pub fn scout(
+        setting: EnsembleConfig<'a>,
+        inputs: &PlantInputs,
+        p_high_pa: f64,
+    ) -> Result<Self, SimError> {
         let pace = setting.coarse;
         let rev = pace.steps_per_rev as f64;
-        let shape = Shape { box_steps: SCOUT_BOX_REV * rev, edge_steps: SCOUT_EDGE_REV * rev };
+        let shape = WindowShape { box_steps: SCOUT_BOX_REV * rev, edge_steps: SCOUT_EDGE_REV * rev };
         let mut runs = Self { setting, runs: Vec::new(), pace, shape, revolutions: 0.0, worst_balance: 0.0 };
         runs.start(&[0.0], inputs, p_high_pa)?;
         Ok(runs)
@@ -154,7 +161,7 @@ impl<'a> Runs<'a> {
         &mut self,
         members: Option<u32>,
         ratio: f64,
-        inputs: &Inputs,
+        inputs: &PlantInputs,
         p_high_pa: f64,
     ) -> Result<(), SimError> {
         let plant = self.setting.plant;
@@ -162,14 +169,14 @@ impl<'a> Runs<'a> {
         let pump_pitches = plant.pump_pistons as f64;
         self.pace = self.setting.fine;
         let pitch_steps = self.pace.steps_per_rev as f64 / pump_pitches;
-        self.shape = Shape { box_steps: flat * pitch_steps, edge_steps: EDGE_PITCHES * pitch_steps };
+        self.shape = WindowShape { box_steps: flat * pitch_steps, edge_steps: EDGE_PITCHES * pitch_steps };
         let apart = TAU / (plant.motor_pistons as f64 * f64::from(members));
         let phases: Vec<f64> = (0..members).map(|k| apart * f64::from(k)).collect();
         self.start(&phases, inputs, p_high_pa)
     }
 
     /// Makes ready for another window at a corrected ratio: moves the line to the wanted pressure and settles.
-    pub fn again(&mut self, inputs: &Inputs, target_pa: f64) -> Result<(), SimError> {
+    pub fn again(&mut self, inputs: &PlantInputs, target_pa: f64) -> Result<(), SimError> {
         let setting = self.setting;
         for run in &mut self.runs {
             move_line(&setting, &mut run.state, target_pa - run.p_high_pa);
@@ -178,41 +185,46 @@ impl<'a> Runs<'a> {
     }
 
     /// Runs whose motors start at the given angles and whose high line starts at `p_high_pa`, settled.
-    fn start(&mut self, phases_rad: &[f64], inputs: &Inputs, p_high_pa: f64) -> Result<(), SimError> {
+    fn start(&mut self, phases_rad: &[f64], inputs: &PlantInputs, p_high_pa: f64) -> Result<(), SimError> {
         let setting = self.setting;
         let pressure = |line: usize| if line == setting.high { p_high_pa } else { setting.plant.low_pa };
         let begin = |phi_m: &f64| {
             let mut integrator = Integrator::new(setting.plant, setting.method);
-            let state = integrator.initial(pressure(A), pressure(B), inputs, inputs.alpha, *phi_m);
-            Run { integrator, state, p_high_pa }
+            let state = integrator.initial(pressure(LINE_A), pressure(LINE_B), inputs, inputs.alpha, *phi_m);
+            EnsembleMember { integrator, state, p_high_pa }
         };
         self.runs = phases_rad.iter().map(begin).collect();
         self.settle(inputs, SETTLE_REV)
     }
 
     /// Lets all runs go on for some revolutions.
-    fn settle(&mut self, inputs: &Inputs, revolutions: f64) -> Result<(), SimError> {
-        let Pace { h_s: h, steps_per_rev } = self.setting.coarse;
+    fn settle(&mut self, inputs: &PlantInputs, revolutions: f64) -> Result<(), SimError> {
+        let StepSize { h_s: h, steps_per_rev } = self.setting.coarse;
         let steps = (revolutions * steps_per_rev as f64).ceil() as u64;
         self.revolutions += self.runs.len() as f64 * steps as f64 / steps_per_rev as f64;
-        let go = |one: &mut Run<'a>| run(&mut one.integrator, &mut one.state, inputs, h, steps, &mut ());
+        let go = |one: &mut EnsembleMember<'a>| {
+            advance(&mut one.integrator, &mut one.state, inputs, h, steps, &mut ())
+        };
         self.runs.par_iter_mut().try_for_each(go)
     }
 
     /// One window of every run.
-    pub fn window(&mut self, inputs: &Inputs) -> Result<Seen, SimError> {
+    pub fn window(&mut self, inputs: &PlantInputs) -> Result<WindowResult, SimError> {
         let (setting, pace, shape) = (self.setting, self.pace, self.shape);
-        let one = |one: &mut Run<'a>| -> Result<(Seen, f64), SimError> {
+        let one = |one: &mut EnsembleMember<'a>| -> Result<(WindowResult, f64), SimError> {
             let account = MassBalance::open(&one.state, setting.plant);
-            let mut window = Window::new(&one.state, shape);
-            run(&mut one.integrator, &mut one.state, inputs, pace.h_s, shape.steps(), &mut window)?;
+            let mut window = AveragingWindow::new(&one.state, shape);
+            advance(&mut one.integrator, &mut one.state, inputs, pace.h_s, shape.steps(), &mut window)?;
             let means = window.means();
             one.p_high_pa = means.p_node_pa[setting.high];
-            Ok((Seen { means, ripple_pa: window.ripple_pa() }, account.error(&one.state, setting.plant)))
+            Ok((
+                WindowResult { means, ripple_pa: window.ripple_pa() },
+                account.error(&one.state, setting.plant),
+            ))
         };
         let seen: Vec<_> = self.runs.par_iter_mut().map(one).collect::<Result<_, _>>()?;
         self.revolutions += self.runs.len() as f64 * shape.steps() as f64 / pace.steps_per_rev as f64;
-        let mut all = Seen { means: Means::default(), ripple_pa: [0.0; 2] };
+        let mut all = WindowResult { means: WindowMeans::default(), ripple_pa: [0.0; 2] };
         for (one, balance) in &seen {
             all.means.add(&one.means, 1.0 / seen.len() as f64);
             for (largest, ripple) in all.ripple_pa.iter_mut().zip(one.ripple_pa) {
@@ -224,7 +236,7 @@ impl<'a> Runs<'a> {
     }
 
     /// State of the first run.
-    pub fn into_state(mut self) -> State {
+    pub fn into_state(mut self) -> PlantState {
         self.runs.swap_remove(0).state
     }
 }
@@ -240,7 +252,7 @@ pub fn high_volume_m3(plant: &Plant, high: usize) -> f64 {
 }
 
 /// Adds oil to the high line for a rise of pressure in it and in the chambers that are open to it.
-fn move_line(setting: &Setting<'_>, state: &mut State, rise_pa: f64) {
+fn move_line(setting: &EnsembleConfig<'_>, state: &mut PlantState, rise_pa: f64) {
     let (plant, high) = (setting.plant, setting.high);
     let rho = plant.oil.density_at(state.p_node_pa[high]);
     let rho_to = plant.oil.density_at(state.p_node_pa[high] + rise_pa);

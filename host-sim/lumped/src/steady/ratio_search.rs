@@ -15,16 +15,19 @@
 
 use std::f64::consts::TAU;
 
+use crate::averaging::WindowMeans;
 use crate::error::SimError;
-use crate::hydraulics::{LEAK_MOTOR, LEAK_PUMP};
-use crate::integrator::{Inputs, State};
-use crate::observers::Means;
+use crate::hydraulics::{MOTOR_LEAKAGE, PUMP_LEAKAGE};
+use crate::layout::{LINE_A, LINE_B};
 use crate::oil::ATMOSPHERE_PA;
-use crate::plant::{A, B, Plant};
-use crate::shaft::{Drive, Load};
+use crate::plant::Plant;
+use crate::plant_state::{PlantInputs, PlantState};
+use crate::shaft::{ShaftDrive, ShaftLoad};
 
-use super::runs::{Pace, Runs, Seen, Setting, high_volume_m3};
-use super::{LoadCondition, MAX_WINDOWS, Settings, SteadyCase, SteadyPoint};
+use super::case::{LoadCondition, SteadyCase};
+use super::ensemble::{Ensemble, EnsembleConfig, StepSize, WindowResult, high_volume_m3};
+use super::point::SteadyPoint;
+use super::settings::{MAX_WINDOWS, SolverSettings};
 
 /// Fraction of a correction that may be left of the error: about the largest seen over the envelope. Corrections larger than
 /// the tolerance over this tell where to go, and do not enter the mean.
@@ -40,10 +43,10 @@ const COARSE_DEG: f64 = 2.0;
 const LEAKING: f64 = 0.96;
 
 /// A search under way.
-pub struct Search<'a> {
+pub struct RatioSearch<'a> {
     plant: &'a Plant,
     operating: SteadyCase,
-    settings: Settings,
+    settings: SolverSettings,
     omega_p: f64,
     /// Line that is high, and the other.
     high: usize,
@@ -53,12 +56,16 @@ pub struct Search<'a> {
     ratio_per_pa: f64,
 }
 
-impl<'a> Search<'a> {
+impl<'a> RatioSearch<'a> {
     /// Starts from the volumes alone.
     ///
     /// # Errors
     /// When compression and leakage take the pump's whole flow.
-    pub fn new(plant: &'a Plant, operating: &SteadyCase, settings: &Settings) -> Result<Self, SimError> {
+    pub fn new(
+        plant: &'a Plant,
+        operating: &SteadyCase,
+        settings: &SolverSettings,
+    ) -> Result<Self, SimError> {
         let omega_p = operating.n_p_rpm / 60.0 * TAU;
         let forward = operating.alpha > 0.0;
         let target_pa = match operating.condition {
@@ -72,8 +79,8 @@ impl<'a> Search<'a> {
             operating: *operating,
             settings: *settings,
             omega_p,
-            high: if forward { A } else { B },
-            low: if forward { B } else { A },
+            high: if forward { LINE_A } else { LINE_B },
+            low: if forward { LINE_B } else { LINE_A },
             ratio: 0.0,
             target_pa,
             ratio_per_pa: 0.0,
@@ -119,10 +126,10 @@ impl<'a> Search<'a> {
     }
 
     /// Inputs that keep the drive at the ratio found so far.
-    pub fn inputs(&self) -> Inputs {
-        Inputs {
-            drive: Drive::SpeedRadS(self.omega_p),
-            load: Load::SpeedRadS(self.ratio * self.omega_p),
+    pub fn inputs(&self) -> PlantInputs {
+        PlantInputs {
+            drive: ShaftDrive::SpeedRadS(self.omega_p),
+            load: ShaftLoad::SpeedRadS(self.ratio * self.omega_p),
             alpha: self.operating.alpha,
         }
     }
@@ -131,22 +138,22 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// When the model stops, no flow is left for the motor, or the ratio does not settle.
-    pub fn solve(&mut self) -> Result<(SteadyPoint, State), SimError> {
-        let setting = Setting {
+    pub fn solve(&mut self) -> Result<(SteadyPoint, PlantState), SimError> {
+        let setting = EnsembleConfig {
             plant: self.plant,
             method: self.settings.method,
-            fine: Pace::new(self.settings.step_deg, self.omega_p),
-            coarse: Pace::new(self.settings.step_deg.max(COARSE_DEG), self.omega_p),
+            fine: StepSize::new(self.settings.step_deg, self.omega_p),
+            coarse: StepSize::new(self.settings.step_deg.max(COARSE_DEG), self.omega_p),
             high: self.high,
         };
-        let mut runs = Runs::scout(setting, &self.inputs(), self.target_pa)?;
+        let mut runs = Ensemble::scout(setting, &self.inputs(), self.target_pa)?;
         let start = self.ratio;
         let seen = runs.window(&self.inputs())?;
         if self.correct(&seen.means)? < SCOUT_NOISE {
             self.ratio = start;
         }
         runs.spread(self.settings.members, self.ratio, &self.inputs(), self.target_pa)?;
-        let mut mean = Mean::default();
+        let mut mean = RunningMean::default();
         let mut residual = f64::INFINITY;
         for window in 1..=MAX_WINDOWS {
             let seen = runs.window(&self.inputs())?;
@@ -156,7 +163,7 @@ impl<'a> Search<'a> {
                 self.ratio = mean.with(self.ratio);
                 residual = if mean.count > 1 { mean.moved } else { left };
             } else {
-                mean = Mean::default();
+                mean = RunningMean::default();
                 residual = change;
             }
             let enough = mean.count >= self.settings.windows;
@@ -170,7 +177,7 @@ impl<'a> Search<'a> {
     }
 
     /// Corrects ratio and target pressure after a window; returns the change of the ratio.
-    fn correct(&mut self, means: &Means) -> Result<f64, SimError> {
+    fn correct(&mut self, means: &WindowMeans) -> Result<f64, SimError> {
         let plant = self.plant;
         let mean_pa = means.p_node_pa[self.high];
         // Oil that the motor takes per radian: what it displaces, at the line's density.
@@ -189,10 +196,10 @@ impl<'a> Search<'a> {
     }
 
     /// The result at the wanted pressure: means of the last window, moved by the little that the window was off it.
-    fn point(&self, seen: &Seen, runs: &Runs<'_>, residual: f64) -> SteadyPoint {
+    fn point(&self, seen: &WindowResult, runs: &Ensemble<'_>, residual: f64) -> SteadyPoint {
         let means = &seen.means;
         let gauge = |p: f64| (p - ATMOSPHERE_PA) * 1.0e-6;
-        let leak_kg_s = means.flow_kg_s[LEAK_PUMP] + means.flow_kg_s[LEAK_MOTOR];
+        let leak_kg_s = means.flow_kg_s[PUMP_LEAKAGE] + means.flow_kg_s[MOTOR_LEAKAGE];
         let sign = self.operating.alpha.signum();
         let off_pa = self.target_pa - means.p_node_pa[self.high];
         let revolutions = runs.revolutions;
@@ -215,13 +222,13 @@ impl<'a> Search<'a> {
 
 /// Running mean of the corrected ratios.
 #[derive(Debug, Default)]
-struct Mean {
+struct RunningMean {
     count: u32,
     value: f64,
     moved: f64,
 }
 
-impl Mean {
+impl RunningMean {
     /// Takes one more value in; returns the mean.
     fn with(&mut self, value: f64) -> f64 {
         self.count += 1;
