@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 /// Position in an input file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,7 +58,7 @@ impl InvalidInput {
 
     /// Error about a quantity outside its range.
     #[must_use]
-    pub fn out_of_range(quantity: &str, value: f64, range: Range) -> Self {
+    pub fn out_of_range(quantity: &str, value: f64, range: ValueRange) -> Self {
         Self::new(format!("{quantity} is out of range")).with_value(value).with_allowed(range)
     }
 

@@ -7,10 +7,10 @@ use crate::invalid_input::InvalidInput;
 use crate::machine::Machine;
 use crate::oil::OilTable;
 use crate::plant::Plant;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 /// Leakage coefficients for which the laminar law makes sense; beyond, a chamber would not hold pressure at all.
-pub const KOU: Range = Range::new(0.0, 100.0, "(L/min)/MPa");
+pub const KOU: ValueRange = ValueRange::new(0.0, 100.0, "(L/min)/MPa");
 /// Oil temperatures kept tabulated at once; a bench has three.
 const CACHED_TEMPERATURES: usize = 8;
 

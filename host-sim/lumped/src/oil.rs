@@ -17,14 +17,14 @@
 
 use crate::invalid_input::InvalidInput;
 use crate::machine::OilProperties;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use crate::simd::{F64x4, WIDTH};
 
 /// Standard atmosphere p_0.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// Temperatures at which oil properties are extrapolated linearly without losing their meaning.
-pub const TEMPERATURE: Range = Range::new(-40.0, 150.0, "degC");
+pub const TEMPERATURE: ValueRange = ValueRange::new(-40.0, 150.0, "degC");
 /// Upper end of the table, absolute; three times the highest pressure of the paper's tests.
 pub const MAX_PRESSURE_PA: f64 = 160.0e6;
 /// Start of the cavitation branch above vapour pressure.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::invalid_input::InvalidInput;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use crate::error::SimError;
 use crate::integrator::Integrator;
@@ -16,7 +16,7 @@ use crate::steady::{LoadCondition, SolverSettings, SteadyCase, SteadyPoint};
 use crate::stepping::advance;
 
 /// Simulated times that make sense for a drive.
-pub const DURATION: Range = Range::new(0.01, 60.0, "s");
+pub const DURATION: ValueRange = ValueRange::new(0.01, 60.0, "s");
 /// Band around the steady speed in which the response counts as settled.
 const BAND: f64 = 0.02;
 /// Interval of the recorded trace.

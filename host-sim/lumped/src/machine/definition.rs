@@ -1,12 +1,12 @@
 //! Machine: oil, circuit, pump and the receiver of its flow, checked.
 
 use crate::invalid_input::InvalidInput;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use super::parts::{Circuit, FlowReceiver, LumpedParts, OilProperties, PistonUnit};
 
 /// Factors by which a machine's property may be scaled.
-const FACTOR: Range = Range::new(0.5, 2.0, "");
+const FACTOR: ValueRange = ValueRange::new(0.5, 2.0, "");
 
 /// Machine of a checked machine file: every value lies in its range and fits the others.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,7 +3,7 @@
 //! The reader takes keys, types, ranges and defaults from [`FIELDS`], and the table in `docs/full-model/machine.md` is
 //! printed from it. Ranges that depend on another value of the file are checked in `load.rs` and stated here in words.
 
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use FieldKind::{BoundByOther, Integer, Number, Table, Text};
 use FieldNeed::{Default, ExactlyOneOf, LumpedModel, Optional, Required};
@@ -33,9 +33,9 @@ pub enum FieldKind {
     /// Text.
     Text,
     /// Integer in a range.
-    Integer(Range),
+    Integer(ValueRange),
     /// Number in a range.
-    Number(Range),
+    Number(ValueRange),
     /// Number whose range depends on another value of the file.
     BoundByOther {
         /// Unit.
@@ -95,7 +95,7 @@ const fn field(key: &'static str, kind: FieldKind, need: FieldNeed, meaning: &'s
 }
 
 const fn number(min: f64, max: f64, unit: &'static str) -> FieldKind {
-    Number(Range::new(min, max, unit))
+    Number(ValueRange::new(min, max, unit))
 }
 
 const VOLUME: FieldKind = number(1.0, 100_000.0, "cm3");
@@ -106,7 +106,7 @@ const GEOMETRY: FieldNeed = ExactlyOneOf("`table`");
 
 /// Every field of the machine file, in the order of the documentation.
 pub const FIELDS: &[MachineField] = &[
-    field("schema", Integer(Range::new(1.0, 1.0, "")), Required, "Version of the layout."),
+    field("schema", Integer(ValueRange::new(1.0, 1.0, "")), Required, "Version of the layout."),
     field("name", Text, Required, "Name of the machine in reports, 1 to 100 characters."),
     field("oil", Table, Required, "Oil."),
     // Water is near 1000, phosphate esters near 1150, light oils near 700.
@@ -264,7 +264,7 @@ pub const FIELDS: &[MachineField] = &[
         "Displacement at full swash angle.",
     ),
     // Fewer than three pistons cannot turn a shaft past dead centre; no real unit has more than fifteen.
-    field("{pump,motor}.pistons", Integer(Range::new(3.0, 15.0, "")), Required, "Number of pistons."),
+    field("{pump,motor}.pistons", Integer(ValueRange::new(3.0, 15.0, "")), Required, "Number of pistons."),
     // Less than 1 % of the stroke volume cannot be machined; more than five strokes is a wrong unit.
     field(
         "{pump,motor}.dead_volume_cm3",

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::invalid_input::InvalidInput;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use super::definition::Machine;
 use super::fields::SCHEMA;
@@ -141,8 +141,8 @@ fn relief_valve(fields: &FieldReader<'_>, key: &str) -> Result<ReliefValve, Inva
 /// Cracking pressure, pressure of full opening and area of a check or shuttle valve.
 fn opening_valve(fields: &FieldReader<'_>, key: &str) -> Result<(f64, f64, f64), InvalidInput> {
     let crack_mpa = fields.number(&format!("{key}.crack_mpa"))?;
-    let full_open_mpa =
-        fields.bound(&format!("{key}.full_open_mpa"), Range::new(crack_mpa + 0.01, 10.0 + 0.01, "MPa"))?;
+    let full_open_mpa = fields
+        .bound(&format!("{key}.full_open_mpa"), ValueRange::new(crack_mpa + 0.01, 10.0 + 0.01, "MPa"))?;
     Ok((crack_mpa, full_open_mpa, fields.number(&format!("{key}.area_mm2"))?))
 }
 
@@ -151,7 +151,7 @@ fn piston_unit(fields: &FieldReader<'_>, unit: &str) -> Result<PistonUnit, Inval
     let displacement_cm3_per_rev = fields.number(&key("displacement_cm3_per_rev"))?;
     let pistons = fields.number(&key("pistons"))? as usize;
     let stroke_cm3 = displacement_cm3_per_rev / pistons as f64;
-    let dead_volumes = Range::new(0.01 * stroke_cm3, 5.0 * stroke_cm3, "cm3");
+    let dead_volumes = ValueRange::new(0.01 * stroke_cm3, 5.0 * stroke_cm3, "cm3");
     let swash = || -> Result<SwashActuator, InvalidInput> {
         Ok(SwashActuator {
             time_constant_s: fields.number(&key("swash.time_constant_s"))?,
@@ -222,7 +222,7 @@ fn plate_geometry(
              kidneys would touch",
             2.0 * kidney_half_deg
         );
-        let lands = Range::new(-0.5 * port_arc_deg, 89.0 - 0.5 * port_arc_deg, "deg");
+        let lands = ValueRange::new(-0.5 * port_arc_deg, 89.0 - 0.5 * port_arc_deg, "deg");
         return Err(fields.source().error_at(&key("seal_land_deg"), message).with_allowed(lands));
     }
     Ok(PlateGeometry {

@@ -6,14 +6,14 @@
 use std::path::Path;
 
 use crate::invalid_input::{FilePosition, InvalidInput};
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use super::parts::PlateTable;
 use super::source::MachineSource;
 
 /// A table finer than a hundredth of a degree is a mistake of export.
 const MAX_ROWS: usize = 36_001;
-const AREA: Range = Range::new(0.0, 100_000.0, "mm2");
+const AREA: ValueRange = ValueRange::new(0.0, 100_000.0, "mm2");
 /// Ends of the table may differ by rounding of the export only.
 const CLOSURE_MM2: f64 = 0.01;
 

@@ -3,7 +3,7 @@
 use toml_edit::{Item, TableLike};
 
 use crate::invalid_input::InvalidInput;
-use crate::range::Range;
+use crate::value_range::ValueRange;
 
 use super::fields::{FIELDS, FieldKind, FieldNeed, MachineField};
 use super::source::MachineSource;
@@ -62,7 +62,7 @@ impl<'a> FieldReader<'a> {
     }
 
     /// Number inside a range that another value of the file determines.
-    pub(super) fn bound(&self, key: &str, range: Range) -> Result<f64, InvalidInput> {
+    pub(super) fn bound(&self, key: &str, range: ValueRange) -> Result<f64, InvalidInput> {
         self.within(key, self.number(key)?, range)
     }
 
@@ -74,7 +74,7 @@ impl<'a> FieldReader<'a> {
         }
         let error = self.source.error_at(key, reason);
         Err(match described(key).map(|field| field.kind) {
-            Some(FieldKind::Number(range)) => error.with_allowed(Range { max, ..range }),
+            Some(FieldKind::Number(range)) => error.with_allowed(ValueRange { max, ..range }),
             _ => error,
         })
     }
@@ -94,7 +94,7 @@ impl<'a> FieldReader<'a> {
         item.as_float().or_else(|| item.as_integer().map(|integer| integer as f64))
     }
 
-    fn within(&self, key: &str, value: f64, range: Range) -> Result<f64, InvalidInput> {
+    fn within(&self, key: &str, value: f64, range: ValueRange) -> Result<f64, InvalidInput> {
         if range.contains(value) {
             return Ok(value);
         }

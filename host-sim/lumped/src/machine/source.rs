@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn error_about_a_value_names_line_column_value_and_range() {
-        let range = crate::range::Range::new(1.0, 2000.0, "cm3/rev");
+        let range = crate::value_range::ValueRange::new(1.0, 2000.0, "cm3/rev");
         let error = source().error_at("pump.displacement_cm3_per_rev", "is out of range").with_allowed(range);
         assert_eq!(
             error.to_string(),

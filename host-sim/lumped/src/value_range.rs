@@ -5,7 +5,7 @@ use std::fmt;
 /// Closed interval of allowed values with the unit in which it is stated.
 #[doc(alias = "interval")]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct ValueRange {
     /// Smallest allowed value.
     pub min: f64,
     /// Largest allowed value.
@@ -14,7 +14,7 @@ pub struct Range {
     pub unit: &'static str,
 }
 
-impl Range {
+impl ValueRange {
     /// Range from `min` to `max`, both allowed, in `unit`.
     #[must_use]
     pub const fn new(min: f64, max: f64, unit: &'static str) -> Self {
@@ -28,7 +28,7 @@ impl Range {
     }
 }
 
-impl fmt::Display for Range {
+impl fmt::Display for ValueRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} to {}", self.min, self.max)?;
         if self.unit.is_empty() { Ok(()) } else { write!(f, " {}", self.unit) }
