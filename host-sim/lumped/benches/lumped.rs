@@ -1,8 +1,8 @@
-//! Cost of the full model, with its error beside it where that means something.
+//! Cost of the lumped model, with the error of the ratio where it depends on the step.
 //!
 //! `closed_loop`: one simulated second of two nine-piston machines in closed loop at 2000 r/min and 36.5 MPa, one core;
 //! the target of 40 simulated seconds per second is 25 ms. The error printed before each run is that of the ratio
-//! against a step of 0.02 deg. `steady_point`: one operating point by the direct search; target 20 ms.
+//! against a step of 0.02 deg. `steady_point`: one case point by the direct search; target 20 ms.
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -55,12 +55,12 @@ fn ratio(plant: &Plant, method: Method, step_deg: f64) -> f64 {
 fn closed_loop(c: &mut Criterion) {
     let model = model();
     let plant = model.plant(60.0, 0.1).unwrap_or_else(|e| panic!("{e}"));
-    let truth = ratio(&plant, Method::Esdirk3, 0.02);
+    let reference = ratio(&plant, Method::Esdirk3, 0.02);
     let mut group = c.benchmark_group("closed_loop_one_simulated_second");
     group.sample_size(10);
     for method in [Method::TrBdf2, Method::Esdirk3] {
         for step_deg in [0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0] {
-            let error = (ratio(&plant, method, step_deg) - truth).abs();
+            let error = (ratio(&plant, method, step_deg) - reference).abs();
             eprintln!("{method:?}, {step_deg} deg: ratio error {error:.1e}");
             let (mut integrator, mut state) = begin(&plant, method);
             turn_pump(&mut integrator, &mut state, step_deg, 4.0);
@@ -81,8 +81,8 @@ fn steady_point(c: &mut Criterion) {
         ("10 MPa, slow beat", LoadCondition::HighPressureMpa(10.0), 0.01),
         ("1671 N m, Kou 0.113", LoadCondition::LoadNm(1671.0), 0.113),
     ] {
-        let operating = SteadyCase { n_p_rpm: RPM, condition, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou };
-        group.bench_function(name, |b| b.iter(|| SteadyPoint::solve(&model, black_box(&operating))));
+        let case = SteadyCase { n_p_rpm: RPM, condition, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou };
+        group.bench_function(name, |b| b.iter(|| SteadyPoint::solve(&model, black_box(&case))));
     }
     group.finish();
 }

@@ -1,30 +1,31 @@
-//! What is measured while the model runs: smooth averages, peak-to-peak values and the mass balance of a window.
+//! Smooth averages and peak-to-peak values over a window of steps.
 //!
-//! A window's weight is a box convolved with the bump 8/3*sin^4: it rises over `edge`, is flat, and falls over `edge`,
+//! The window (a low-pass filter of finite length) is a box convolved with the bump 8/3*sin^4: it rises over `edge`, is
+//! flat, and falls over `edge`,
 //!
 //! ```text
 //! w(t) = (S(t/edge) - S((t - box)/edge)) / box        S(x) = x - 2/(3 pi) sin(2 pi x) + 1/(12 pi) sin(4 pi x)
 //! ```
 //!
 //! so a disturbance of exactly the box's length, the beat of pump and motor, vanishes from the mean, and piston ripple
-//! that fits the edge n times is left with 4/(pi n^5) of its amplitude. Nothing here feeds back into the model.
+//! that fits the edge n times keeps 4/(pi n^5) of its amplitude. Nothing here feeds back into the model.
 
 use crate::hydraulics::FLOWS;
 use crate::layout::{LINE_A, LINE_B, NODES};
 use crate::plant_state::PlantState;
 use crate::stepping::StepObserver;
 
-/// Length of a window in steps.
+/// Shape of an averaging window: lengths in steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindowShape {
-    /// Flat part, between the middles of the edges; need not be whole.
+    /// Flat part, between the middles of the edges; need not be an integer.
     pub box_steps: f64,
     /// Rising or falling part.
     pub edge_steps: f64,
 }
 
 impl WindowShape {
-    /// Steps of the whole window.
+    /// Steps of the window.
     #[must_use]
     pub fn steps(&self) -> u64 {
         (self.box_steps + self.edge_steps).ceil() as u64
@@ -46,7 +47,7 @@ impl WindowShape {
 #[derive(Debug, Clone)]
 pub struct AveragingWindow {
     shape: WindowShape,
-    seen: u64,
+    steps: u64,
     last_node_kg: [f64; NODES],
     last_flow_kg: [f64; FLOWS],
     means: WindowMeans,
@@ -100,7 +101,7 @@ impl AveragingWindow {
     pub fn new(state: &PlantState, shape: WindowShape) -> Self {
         Self {
             shape,
-            seen: 0,
+            steps: 0,
             last_node_kg: state.masses.node,
             last_flow_kg: state.masses.flow,
             means: WindowMeans::default(),
@@ -111,7 +112,7 @@ impl AveragingWindow {
         }
     }
 
-    /// The means so far; meaningful when all steps have been seen.
+    /// Means so far; complete after all steps of the window.
     #[must_use]
     pub fn means(&self) -> WindowMeans {
         self.means
@@ -128,8 +129,8 @@ impl StepObserver for AveragingWindow {
     #[inline(always)]
     fn observe(&mut self, state: &PlantState, h: f64) {
         // Weight at the middle of the step for what changed over it, at its end for what is sampled there.
-        let w = self.shape.weight(self.seen as f64 + 0.5);
-        let at_end = self.shape.weight(self.seen as f64 + 1.0);
+        let w = self.shape.weight(self.steps as f64 + 0.5);
+        let at_end = self.shape.weight(self.steps as f64 + 1.0);
         let rate = w / h;
         let m = &mut self.means;
         for k in 0..NODES {
@@ -151,6 +152,6 @@ impl StepObserver for AveragingWindow {
             self.lowest_pa[k] = self.lowest_pa[k].min(state.p_node_pa[k]);
             self.highest_pa[k] = self.highest_pa[k].max(state.p_node_pa[k]);
         }
-        self.seen += 1;
+        self.steps += 1;
     }
 }

@@ -1,18 +1,18 @@
-//! One step of the whole drive: shaft, swash and oil, second order where they meet, third order in the oil.
+//! Time step of the whole drive: shafts, swash actuator and oil.
 //!
 //! A step from t to t + h does, in this order:
 //!
 //! ```text
-//! omega_half = omega + h/2 * torque(t)/J                       half a kick
+//! omega_half = omega + h/2 * torque(t)/J                       half a kick of the shafts
 //! alpha(t + h) from the actuator's law
 //! masses by ESDIRK, angles phi + omega_half*c*h, alpha linear  the oil, all stages implicit
 //! torque(t + h) from the new pressures
 //! omega = omega_half + h/2 * torque(t + h)/J                   half a kick
 //! ```
 //!
-//! (Stoermer-Verlet for the shaft around an L-stable method for the oil.) The shaft's frequencies are some tens of hertz,
-//! far below 1/h, so it needs no implicit treatment; the oil's are 1e7 1/s. When Newton's method does not settle, the
-//! step is halved, up to a limit, and then the run stops with an error.
+//! Stoermer-Verlet splitting (order 2) for the shafts around an L-stable ESDIRK method for the oil. The shafts'
+//! frequencies are some tens of hertz, far below 1/h, and need no implicit method; the oil's are 1e7 1/s. When Newton's
+//! method does not converge, the step is halved, up to a limit, and then the run stops with an error.
 
 use std::f64::consts::TAU;
 
@@ -26,7 +26,7 @@ use crate::shaft::{self, ShaftDrive, ShaftLoad};
 use crate::simd::{F64x4, WIDTH};
 use crate::tableau::{ButcherTableau, MAX_STAGES, Method};
 
-/// Halvings of a step before the run is given up: 1/4096 of a default step is below a nanosecond of port motion.
+/// Halvings of a step before the run stops: 1/4096 of a default step is below a nanosecond of port motion.
 const MAX_HALVINGS: u32 = 12;
 
 /// Steps a [`PlantState`] forward; owns the work space, so that stepping allocates nothing.
@@ -60,7 +60,7 @@ impl<'a> Integrator<'a> {
         (self.steps, self.stage.iterations, self.halvings)
     }
 
-    /// State at rest in the oil: chambers open to a line at that line's pressure, the others at the nearer kidney's.
+    /// Initial state: chambers open to a line at that line's pressure, the others at the nearer kidney's.
     ///
     /// Pressures are absolute; angles and speeds are the caller's.
     #[must_use]
@@ -111,14 +111,14 @@ impl<'a> Integrator<'a> {
         state
     }
 
-    /// Advances the state by `h`, halving where Newton's method does not settle.
+    /// Advances the state by `h`, halving the step where Newton's method does not converge.
     ///
     /// # Errors
     /// When the step cannot be made, or a pressure leaves the oil table.
     #[inline(always)]
     pub fn step(&mut self, state: &mut PlantState, inputs: &PlantInputs, h: f64) -> Result<(), SimError> {
-        if let Err(gave_up) = self.try_step(state, inputs, h) {
-            self.halved(state, inputs, h, gave_up)?;
+        if let Err(failure) = self.try_step(state, inputs, h) {
+            self.halved(state, inputs, h, failure)?;
         }
         let highest = state.p_node_pa[LINE_A].max(state.p_node_pa[LINE_B]);
         if highest >= MAX_PRESSURE_PA {
@@ -142,31 +142,31 @@ impl<'a> Integrator<'a> {
         h: f64,
         first: NotConverged,
     ) -> Result<(), SimError> {
-        let mut gave_up = first;
+        let mut failure = first;
         for halving in 1..=MAX_HALVINGS {
             self.halvings += 1;
             let parts = 1u32 << halving;
             let part = h / f64::from(parts);
             let mut trial = state.clone();
-            // A crude start of the stiff rates is what most often breaks a step, so they are found afresh.
+            // Poor initial rates of the stiff chambers are the most frequent cause, so they are computed anew.
             trial.rates_known = false;
             match (0..parts).try_for_each(|_| self.try_step(&mut trial, inputs, part)) {
                 Ok(()) => {
                     *state = trial;
                     return Ok(());
                 }
-                Err(e) => gave_up = e,
+                Err(e) => failure = e,
             }
         }
         Err(SimError::NotConverged {
             time_s: state.time_s,
             step_s: h / f64::from(1u32 << MAX_HALVINGS),
-            last_change: gave_up.last_change,
-            iterations: gave_up.iterations,
+            last_change: failure.last_change,
+            iterations: failure.iterations,
         })
     }
 
-    /// One step as it is; the state is unchanged when it fails.
+    /// One undivided step; a failure leaves the state unchanged.
     #[inline(always)]
     fn try_step(&mut self, state: &mut PlantState, inputs: &PlantInputs, h: f64) -> Result<(), NotConverged> {
         let plant = self.plant;
@@ -239,7 +239,7 @@ impl<'a> Integrator<'a> {
         Ok(())
     }
 
-    /// Rates at the state itself, from an implicit stage so short that nothing moves.
+    /// Rates at the state itself, from an implicit stage too short for any motion.
     #[inline(never)]
     fn find_rates(&mut self, state: &mut PlantState) -> Result<(), NotConverged> {
         const SHORT_S: f64 = 1.0e-12;

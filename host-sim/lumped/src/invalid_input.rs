@@ -10,14 +10,14 @@ use crate::value_range::ValueRange;
 pub struct FilePosition {
     /// File as it was named by the caller.
     pub file: PathBuf,
-    /// Line, from 1; absent where the file as a whole is meant.
+    /// Line, from 1; absent for an error about the entire file.
     pub line: Option<usize>,
     /// Column of a table by its heading, or the character in the line, from 1.
     pub column: Option<String>,
 }
 
 impl FilePosition {
-    /// The file as a whole.
+    /// Position of the entire file.
     #[must_use]
     pub fn file(path: &Path) -> Self {
         Self { file: path.to_path_buf(), line: None, column: None }
@@ -64,23 +64,20 @@ impl InvalidInput {
 
     /// Adds the position.
     #[must_use]
-    pub fn at(mut self, position: FilePosition) -> Self {
-        self.position = Some(position);
-        self
+    pub fn at(self, position: FilePosition) -> Self {
+        Self { position: Some(position), ..self }
     }
 
     /// Adds the value.
     #[must_use]
-    pub fn with_value(mut self, value: impl ToString) -> Self {
-        self.value = Some(value.to_string());
-        self
+    pub fn with_value(self, value: impl ToString) -> Self {
+        Self { value: Some(value.to_string()), ..self }
     }
 
     /// Adds the allowed values.
     #[must_use]
-    pub fn with_allowed(mut self, allowed: impl ToString) -> Self {
-        self.allowed = Some(allowed.to_string());
-        self
+    pub fn with_allowed(self, allowed: impl ToString) -> Self {
+        Self { allowed: Some(allowed.to_string()), ..self }
     }
 
     /// Line of the position, where there is one.

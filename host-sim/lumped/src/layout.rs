@@ -6,7 +6,7 @@ use crate::simd::WIDTH;
 pub const GROUPS: usize = 8;
 /// Lanes for chambers.
 pub const LANES: usize = GROUPS * WIDTH;
-/// Line A, line B, charge gallery, flushing gallery.
+/// Nodes: line A, line B, charge gallery, flushing gallery.
 pub const NODES: usize = 4;
 /// Index of line A.
 pub const LINE_A: usize = 0;

@@ -1,10 +1,10 @@
 //! Lumped-parameter model of an axial-piston pump and motor in closed circuit: a hydrostatic drive, chamber by chamber.
 //!
 //! Every piston chamber, both lines, the charge gallery and the flushing gallery hold a mass of compressible oil at one
-//! pressure each; ports, valves, leakage gaps, shafts and the swash actuator connect them. The mass balances form a stiff
-//! system of ordinary differential equations, which an L-stable implicit Runge-Kutta method integrates at fixed steps of
-//! pump angle. Results: the speed ratio of a steady operating point, the response to a swash step, waveforms of every
-//! pressure, flow and torque.
+//! pressure each; ports, valves, leakage gaps, shafts and the swash actuator connect them. The mass balances form a
+//! stiff system of ordinary differential equations, which an L-stable implicit Runge-Kutta method integrates at fixed
+//! steps of pump angle. Results: the speed ratio of a steady operating point, the response to a swash step, waveforms
+//! of every pressure, flow and torque.
 //!
 //! # Example
 //!
@@ -46,9 +46,9 @@
 //!
 //! # Limits
 //!
-//! One pressure per chamber and line (no waves in pipes), one oil temperature, quasi-static valves, rigid parts, leakage
-//! only from chambers to the case. The model shares no equation with the controller's estimator, so it can serve as the
-//! estimator's independent reference.
+//! One pressure per chamber and line (no waves in pipes), one oil temperature, quasi-static valves, rigid parts,
+//! leakage only from chambers to the case. The model shares no equation with the controller's estimator, so it can
+//! serve as the estimator's independent reference.
 
 pub mod averaging;
 pub mod error;

@@ -7,7 +7,7 @@ use crate::hydraulics::{
 use crate::plant::Plant;
 use crate::plant_state::PlantState;
 
-/// Mass balance between two instants: what came in, what went out, what is stored.
+/// Mass balance from an initial state on: inflow, outflow and stored mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassBalance {
     stored_kg: f64,
@@ -15,13 +15,13 @@ pub struct MassBalance {
 }
 
 impl MassBalance {
-    /// Opens the account at `state`.
+    /// Balance that begins at `state`.
     #[must_use]
-    pub fn open(state: &PlantState, plant: &Plant) -> Self {
+    pub fn from(state: &PlantState, plant: &Plant) -> Self {
         Self { stored_kg: state.stored_kg(plant), flow_kg: state.masses.flow }
     }
 
-    /// Oil that the pump and the motor moved through their ports since the account was opened, kg.
+    /// Oil that the pump and the motor moved through their ports since the beginning, kg.
     #[must_use]
     pub fn pumped_kg(&self, state: &PlantState) -> f64 {
         [PUMP_TO_A, PUMP_TO_B, MOTOR_TO_A, MOTOR_TO_B]

@@ -9,12 +9,12 @@ use crate::oil::OilTable;
 use crate::plant::Plant;
 use crate::value_range::ValueRange;
 
-/// Leakage coefficients for which the laminar law makes sense; beyond, a chamber would not hold pressure at all.
+/// Leakage coefficients (Kou) for which the laminar law holds; beyond, a chamber would not hold pressure at all.
 pub const KOU: ValueRange = ValueRange::new(0.0, 100.0, "(L/min)/MPa");
-/// Oil temperatures kept tabulated at once; a bench has three.
+/// Oil temperatures in the cache; a bench has three.
 const CACHED_TEMPERATURES: usize = 8;
 
-/// The full model of one machine. Shared between threads; prepared oil tables are kept.
+/// Lumped-parameter model of one machine; may be shared between threads, caches oil tables.
 #[derive(Debug)]
 pub struct LumpedModel {
     machine: Machine,
@@ -22,10 +22,10 @@ pub struct LumpedModel {
 }
 
 impl LumpedModel {
-    /// Prepares the full model of a machine.
+    /// Model of a machine.
     ///
     /// # Errors
-    /// When the machine file lacks parts that the full model needs; names them.
+    /// When the machine file lacks parts that the lumped model needs; names them.
     pub fn new(machine: &Machine) -> Result<Self, SimError> {
         machine.lumped_parts()?;
         Ok(Self { machine: machine.clone(), oils: Mutex::new(Vec::new()) })

@@ -1,7 +1,7 @@
-//! Oil as a function of its density: pressure and its slope, from Wylie's bulk modulus and a smooth cavitation branch.
+//! Equation of state of the oil: pressure from density, by Wylie's bulk modulus and a smooth cavitation branch.
 //!
-//! The model stores mass, so it needs pressure from density, monotone down to an empty chamber. Wylie's law (paper
-//! eq. 2, p absolute)
+//! The model stores mass, so it needs pressure from density, monotone down to an empty chamber. Wylie's bulk modulus of
+//! oil with free air (Wylie and Streeter 1993; paper eq. 2; p absolute)
 //!
 //! ```text
 //! x = (p_0/p)^(1/lambda)
@@ -29,14 +29,14 @@ pub const TEMPERATURE: ValueRange = ValueRange::new(-40.0, 150.0, "degC");
 pub const MAX_PRESSURE_PA: f64 = 160.0e6;
 /// Start of the cavitation branch above vapour pressure.
 const TRANSITION_ABOVE_VAPOUR_PA: f64 = 0.02e6;
-/// Cells of the table. With 4096 pressure is met to 1e-6 of itself from 0.1 MPa absolute upwards (tested).
+/// Cells of the table. With 4096 the relative error of pressure is below 1e-6 from 0.1 MPa absolute upwards (tested).
 const CELLS: usize = 4096;
 /// Just short of the last cell's far end.
 const LAST_CELL: f64 = CELLS as f64 - 0.51;
-/// Added to a small positive number, this leaves the nearest whole number in the low bits.
+/// 2^52: added to a small positive number, it leaves the nearest integer in the low bits.
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
-/// Oil at one temperature, tabulated.
+/// Oil at one temperature, tabulated over density.
 #[derive(Debug, Clone)]
 pub struct OilTable {
     density_kg_m3: f64,
@@ -49,7 +49,7 @@ pub struct OilTable {
     rho_t: f64,
     cavitation_slope: f64,
     inv_cell: f64,
-    /// Cubics about whole multiples of the cell's width above the transition density.
+    /// Cubics about integer multiples of the cell's width above the transition density.
     cell: Box<[[f64; 4]; CELLS]>,
 }
 
@@ -92,7 +92,9 @@ impl OilTable {
         Ok(table)
     }
 
-    /// Wylie's bulk modulus at absolute pressure.
+    /// Effective bulk modulus of oil with free air at an absolute pressure (Wylie and Streeter 1993; paper eq. 2).
+    #[doc(alias = "Wylie")]
+    #[doc(alias = "effective bulk modulus")]
     #[must_use]
     pub fn bulk_modulus_pa(&self, p_abs_pa: f64) -> f64 {
         let c_x = self.air_fraction * (ATMOSPHERE_PA / p_abs_pa).powf(1.0 / self.heat_capacity_ratio);
@@ -105,7 +107,8 @@ impl OilTable {
         self.density_kg_m3
     }
 
-    /// Kinematic viscosity by Walther's law.
+    /// Kinematic viscosity by Walther's law (Walther 1931; ASTM D341).
+    #[doc(alias = "Walther")]
     #[must_use]
     pub fn kinematic_viscosity_mm2_s(&self) -> f64 {
         self.kinematic_viscosity_mm2_s
@@ -159,7 +162,7 @@ impl OilTable {
         (p, slope)
     }
 
-    /// Mixture with vapour, `x` cells below the transition.
+    /// Cavitating mixture, `x` cells below the transition.
     #[inline(never)]
     fn cavitating(&self, x: f64) -> (f64, f64) {
         let y = -x * self.cavitation_slope;
@@ -198,7 +201,8 @@ impl OilTable {
         let width = (rho_max - self.rho_t) / (CELLS as f64 - 1.0);
         self.inv_cell = 1.0 / width;
         self.cavitation_slope = width / self.rho_t * beta_t / (self.transition_pa - self.vapour_pa);
-        // Cell k reaches from k - 1/2 to k + 1/2; the first one only upwards, so its cubic is taken from its upper half.
+        // Cell k reaches from k - 1/2 to k + 1/2; the first one only upwards, so its cubic is taken from its upper
+        // half.
         let mut p = self.transition_pa;
         for k in 0..CELLS {
             let (left, right) = (if k == 0 { 0.0 } else { k as f64 - 0.5 }, k as f64 + 0.5);
@@ -331,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn temperature_out_of_range_is_refused() {
+    fn temperature_out_of_range_is_rejected() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
         let machine = Machine::load(&path).unwrap();
         for t in [-300.0, 500.0, f64::NAN] {

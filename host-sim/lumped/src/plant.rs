@@ -1,7 +1,7 @@
-//! A machine prepared for one oil temperature and one leakage coefficient: every constant the equations need, in SI.
+//! Parameters of the equations for one machine at one oil temperature and leakage coefficient, in SI.
 //!
-//! Chambers stand side by side in lanes, the pump's first, then the motor's, padded to a multiple of four with closed
-//! dummy chambers, so that loops over chambers become vector instructions. Pressures inside the model are absolute.
+//! Chambers occupy lanes, the pump's first, then the motor's, padded to a multiple of four with closed dummy chambers,
+//! so that loops over chambers become vector instructions. Pressures are absolute.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::valves::{CheckLaw, ReliefLaw, ShuttleLaw};
 /// (L/min)/MPa in m3/s/Pa.
 pub const L_MIN_MPA: f64 = 1.0 / 60_000.0 / 1.0e6;
 
-/// Charge pump 3 as a mass flow.
+/// Mass flow of charge pump 3.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ChargeFlow {
     constant_kg_s: f64,
@@ -32,7 +32,7 @@ impl ChargeFlow {
     }
 }
 
-/// One machine at one oil temperature and leakage coefficient.
+/// Machine at one oil temperature and leakage coefficient, ready for the integrator.
 #[derive(Debug, Clone)]
 pub struct Plant {
     pub(crate) groups: usize,
@@ -142,7 +142,7 @@ impl Plant {
         Ok(plant)
     }
 
-    /// Replaces the areas of group `g` by those of the units' tables, where they have them.
+    /// Replaces the port areas of group `g` by those of the area tables, where the machine has them.
     pub(crate) fn table_areas(&self, g: usize, phi: &F64x4, a: &mut F64x4, b: &mut F64x4) {
         for l in 0..WIDTH {
             let lane = g * WIDTH + l;
@@ -170,7 +170,7 @@ impl Plant {
         self.pump_pistons + self.motor_pistons
     }
 
-    /// The oil.
+    /// Oil at the plant's temperature.
     #[must_use]
     pub fn oil(&self) -> &OilTable {
         &self.oil

@@ -6,7 +6,7 @@ use crate::plant::Plant;
 use crate::shaft::{ShaftDrive, ShaftLoad};
 use crate::simd::{F64x4, WIDTH};
 
-/// What acts on the drive from outside during a step.
+/// Inputs that act on the drive during a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantInputs {
     /// Drive of the pump.
@@ -42,13 +42,13 @@ pub struct PlantState {
     pub p_chamber_pa: [F64x4; GROUPS],
     /// Absolute pressures of the nodes, Pa.
     pub p_node_pa: [f64; NODES],
-    /// Rates at this instant: first stage of the next step.
+    /// Rates at this instant: explicit first stage of the next step.
     pub(crate) rates: Masses,
     pub(crate) rates_known: bool,
 }
 
 impl PlantState {
-    /// Oil held by chambers and nodes, kg.
+    /// Oil stored in chambers and nodes, kg.
     #[must_use]
     pub fn stored_kg(&self, plant: &Plant) -> f64 {
         let chambers: f64 = (0..plant.chambers().min(LANES))
@@ -63,7 +63,7 @@ impl PlantState {
         self.rates.flow
     }
 
-    /// Forgets the rates, for a state that was edited from outside.
+    /// Discards the rates; necessary after any edit of the state.
     pub fn restart(&mut self) {
         self.rates_known = false;
     }

@@ -1,14 +1,14 @@
-//! Four chambers side by side: arithmetic on groups of four lanes that the compiler turns into vector instructions.
+//! Vectors of four `f64` lanes, which the compiler turns into SIMD instructions.
 //!
-//! Plain arrays and loops of fixed length: the same bits on every processor, no unsafe code; which instructions are
-//! used is decided where the integrator is dispatched ([`super::run`]).
+//! Plain arrays and loops of fixed length: the same bits on every processor, no unsafe code. The instruction set is
+//! selected at run time where a batch of steps is dispatched ([`crate::stepping`]).
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Lanes in a group.
+/// Lanes of a vector.
 pub const WIDTH: usize = 4;
 
-/// Four lanes.
+/// Vector of four `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(align(32))]
 pub struct F64x4(pub [f64; WIDTH]);
@@ -81,7 +81,7 @@ impl F64x4 {
         F64x4(r)
     }
 
-    /// `yes` where `self > other`, else `no` (also where either is not a number).
+    /// Select: `yes` where `self > other`, else `no` (also where either is NaN).
     #[inline(always)]
     #[must_use]
     pub fn if_above(self, other: F64x4, yes: F64x4, no: F64x4) -> F64x4 {

@@ -1,16 +1,16 @@
-//! Many steps in one call, compiled for the vector instructions that the processor at hand has.
+//! Batches of time steps, dispatched to the vector instructions of the processor.
 //!
-//! The kernels are plain arithmetic on groups of four lanes. Dispatching once per batch of steps lets the compiler use
-//! 256-bit instructions where they exist without asking for a special build; no operation is fused or reordered, so
-//! results do not depend on which version runs.
+//! The kernels are plain arithmetic on vectors of four lanes. One dispatch per batch lets the compiler use 256-bit
+//! instructions where they exist without a special build; no operation is fused or reordered, so results do not depend
+//! on the version that runs.
 
 use crate::error::SimError;
 use crate::integrator::Integrator;
 use crate::plant_state::{PlantInputs, PlantState};
 
-/// What is called after every step of a batch.
+/// Callback after every step of a batch: records, averages, checks.
 pub trait StepObserver {
-    /// Sees the state after a step of `h` seconds.
+    /// Processes the state after a step of `h` seconds.
     fn observe(&mut self, state: &PlantState, h: f64);
 }
 
@@ -41,7 +41,7 @@ impl<O: StepObserver> pulp::NullaryFnOnce for StepBatch<'_, '_, O> {
     }
 }
 
-/// Makes `steps` steps of `h` seconds.
+/// Advances the state by `steps` steps of `h` seconds.
 ///
 /// # Errors
 /// As [`Integrator::step`].

@@ -1,9 +1,10 @@
-//! Coefficients of the implicit Runge-Kutta methods: explicit first stage, equal diagonal, stiffly accurate, L-stable.
+//! Butcher tableaux of the ESDIRK methods: explicit first stage, constant diagonal, stiffly accurate, L-stable.
 
-/// Most stages of any method here.
+/// Largest number of stages.
 pub const MAX_STAGES: usize = 4;
 
-/// One method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last stage is the new state.
+/// Coefficients of one method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last
+/// stage is the new state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ButcherTableau {
     /// Number of stages, the explicit first one included.
@@ -12,11 +13,12 @@ pub struct ButcherTableau {
     pub gamma: f64,
     /// Coefficients below the diagonal.
     pub a: [[f64; MAX_STAGES]; MAX_STAGES],
-    /// Instants of the stages.
+    /// Abscissae of the stages.
     pub c: [f64; MAX_STAGES],
 }
 
-/// Choice of method.
+/// Implicit Runge-Kutta method.
+#[doc(alias = "ESDIRK")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// TR-BDF2 (Bank et al. 1985, as ESDIRK by Hosea and Shampine 1996): order 2, two implicit stages.

@@ -1,8 +1,8 @@
-//! Valve plate (paper fig. 3): flow area between a chamber and either kidney against the chamber's angle.
+//! Valve plate (paper fig. 3): flow area between a chamber and either kidney as a function of the chamber's angle.
 //!
 //! Angle phi of a chamber is 0 at its top dead centre (smallest volume at positive displacement). The kidney of the
-//! half turn (0, 180) deg serves expanding chambers, the other one shrinking chambers. With half port arc a, half kidney
-//! K = 90 deg - a - land, and u the angle from the kidney's middle, the area is
+//! half turn (0, 180) deg serves expanding chambers, the other one shrinking chambers. With half port arc a, half
+//! kidney K = 90 deg - a - land, and u the angle from the kidney's middle, the area is
 //!
 //! ```text
 //! inside  = K + a - |u|
@@ -11,9 +11,9 @@
 //! area    = overlap + A_groove*(reach/L)^2 * (1 - overlap/overlap_max)
 //! ```
 //!
-//! The last factor fades the groove out while the port comes over the kidney: the groove then lies beneath the same
-//! port. Two chambers on one kidney, and a chamber on both, come out of the geometry. A table of angle against area
-//! takes the formula's place where the machine file has one.
+//! The last factor removes the groove while the port covers the kidney: the groove then lies beneath the same port. Two
+//! chambers on one kidney, and a chamber on both, follow from the geometry. A table of angle against area replaces the
+//! formula where the machine file names one.
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,10 +22,10 @@ use crate::machine::{PistonUnit, PlateTable, PortAreas, SilencingGroove, ValvePl
 use crate::simd::{F64x4, WIDTH};
 use crate::valves::conductance;
 
-/// Uniform cells over one turn to which a table is brought, so that looking up costs no search.
+/// Uniform cells per revolution to which a table is resampled, so that a look-up needs no search.
 const TABLE_CELLS: usize = 7200;
 
-/// Valve-plate constants of four chambers; areas as conductances (see [`super::valves`]).
+/// Valve-plate constants of four chambers; areas as conductances (see [`crate::valves`]).
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PortConductances {
     /// 1 where line A serves expanding chambers (motor), 0 where it serves shrinking ones (pump).
@@ -48,7 +48,7 @@ struct GrooveConductance {
 }
 
 impl PortConductances {
-    /// Fills one lane for a chamber of `plate`; lanes never filled stay shut.
+    /// Fills one lane for a chamber of `plate`; other lanes remain shut.
     pub fn set_lane(&mut self, lane: usize, plate: &ValvePlate, a_serves_expansion: bool, rho_0: f64) {
         let l = lane % WIDTH;
         self.a_serves_expansion.0[l] = f64::from(u8::from(a_serves_expansion));
@@ -106,7 +106,7 @@ impl GrooveConductance {
     }
 }
 
-/// A unit's table on uniform cells, when its valve plate has one: Conductance to line A and to line B.
+/// Conductances to line A and line B on uniform cells, where the unit's valve plate has a table.
 #[must_use]
 pub fn table_of(unit: &PistonUnit, rho_0: f64) -> Option<Vec<[f64; 2]>> {
     let plate = unit.valve_plate.as_ref()?;

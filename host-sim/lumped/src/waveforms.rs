@@ -1,4 +1,4 @@
-//! Waveforms: one row per sample with everything that a plot may need, kept in memory and written as CSV.
+//! Waveforms: pressures, flows and torques sampled while stepping, written as CSV.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -12,10 +12,10 @@ use crate::plant_state::PlantState;
 use crate::simd::WIDTH;
 use crate::stepping::StepObserver;
 
-/// Samples kept at most: at a tenth of a degree, about 280 revolutions.
+/// Largest number of samples: at a tenth of a degree, about 280 revolutions.
 const MAX_SAMPLES: usize = 1_000_000;
 
-/// Records every n-th step.
+/// Recorder of every n-th step.
 #[derive(Debug)]
 pub struct WaveformRecorder<'a> {
     plant: &'a Plant,
@@ -24,7 +24,7 @@ pub struct WaveformRecorder<'a> {
     samples: Vec<WaveformSample>,
 }
 
-/// One sample. Pressures are gauge, angles count on from the start.
+/// Sample of the waveforms. Pressures are gauge, angles accumulate from the start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WaveformSample {
     /// Time.
@@ -52,7 +52,7 @@ pub struct WaveformSample {
 }
 
 impl<'a> WaveformRecorder<'a> {
-    /// Records every `every`-th step.
+    /// Recorder of every `every`-th step.
     #[must_use]
     pub fn new(plant: &'a Plant, every: u64) -> Self {
         Self { plant, every: every.max(1), steps: 0, samples: Vec::new() }
@@ -64,7 +64,7 @@ impl<'a> WaveformRecorder<'a> {
         &self.samples
     }
 
-    /// Writes CSV with a heading; units stand in the column names.
+    /// Writes CSV with a heading; column names carry the unit.
     ///
     /// # Errors
     /// When the file cannot be written.

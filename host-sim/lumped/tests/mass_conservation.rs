@@ -1,6 +1,6 @@
-//! Mass is conserved: whatever comes in and does not go out is stored, through cavitation and back.
+//! Conservation of mass, through cavitation and back: inflow minus outflow equals the change of stored mass.
 //!
-//! 1e-6 of the pumped mass is the limit; a model that clamps pressures creates per cents.
+//! Limit: 1e-6 of the pumped mass; a model that clamps pressures creates per cents.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -46,15 +46,15 @@ fn scenario(
     let mut integrator = Integrator::new(&plant, Method::default());
     let mut state = integrator.initial(1.6e6, 1.6e6, &stages[0].0, alpha, 0.05);
     state.omega_m_rad_s = n_m_rpm / 60.0 * TAU;
-    let account = MassBalance::open(&state, &plant);
+    let balance = MassBalance::from(&state, &plant);
     let mut lowest = Lowest(f64::INFINITY, plant.chambers());
     for (inputs, seconds) in stages {
         let h = step_deg.to_radians() / state.omega_p_rad_s.abs();
         let steps = (seconds / h).round() as u64;
         advance(&mut integrator, &mut state, inputs, h, steps, &mut lowest).unwrap();
     }
-    assert!(account.pumped_kg(&state) > 0.1, "the scenario pumps nothing");
-    (account.error(&state, &plant), lowest.0)
+    assert!(balance.pumped_kg(&state) > 0.1, "the scenario pumps nothing");
+    (balance.error(&state, &plant), lowest.0)
 }
 
 fn pump(rpm: f64) -> ShaftDrive {
@@ -71,8 +71,8 @@ fn prop_mass_balances_at_steady_points_in_both_directions() {
         (0.3, 2000.0, 40.0, 0.05),
     ] {
         let condition = LoadCondition::HighPressureMpa(p);
-        let operating = SteadyCase { n_p_rpm: n, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
-        let point = SteadyPoint::solve(&model, &operating).unwrap();
+        let case = SteadyCase { n_p_rpm: n, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
+        let point = SteadyPoint::solve(&model, &case).unwrap();
         assert!(point.mass_balance_error <= LIMIT, "{alpha} {n} {p}: {}", point.mass_balance_error);
         assert!(point.ratio * alpha > 0.0);
     }
@@ -92,7 +92,7 @@ fn prop_mass_balances_with_an_overrunning_load() {
     let h = 1.0f64.to_radians() / state.omega_p_rad_s;
     advance(&mut integrator, &mut state, &inputs, h, 4500, &mut ()).unwrap();
     // 1200 N m on 300 cm3/rev is 25 MPa.
-    assert!(state.p_node_pa[1] > state.p_node_pa[0] + 20.0e6, "the lines have not swapped roles");
+    assert!(state.p_node_pa[1] > state.p_node_pa[0] + 20.0e6, "the lines have not exchanged roles");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn prop_mass_balances_through_a_fast_swash_reversal_that_cavitates() {
     let (error, lowest) =
         scenario(&model, 0.1, 0.0, 0.0, &[(forward, 0.25), (backward, 0.25), (forward, 0.25)], 1.0);
     assert!(error <= LIMIT, "{error}");
-    // It did cavitate, and no pressure fell below vapour pressure (500 Pa) by more than rounding.
+    // Cavitation occurred, and no pressure fell below vapour pressure (500 Pa) by more than rounding.
     assert!(lowest < 20_000.0, "lowest pressure {lowest} Pa: the scenario does not cavitate");
     assert!(lowest >= 499.0, "lowest pressure {lowest} Pa is below vapour pressure");
 }
@@ -142,7 +142,7 @@ fn prop_mass_balances_with_a_driven_pump_shaft_and_relief_valves() {
 }
 
 #[test]
-fn a_resistive_load_never_drives_the_motor_backwards() {
+fn prop_resistive_load_never_reverses_the_motor() {
     let model = model(REFERENCE);
     let plant = model.plant(60.0, 0.1).unwrap();
     let mut integrator = Integrator::new(&plant, Method::default());

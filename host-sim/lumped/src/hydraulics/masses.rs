@@ -3,7 +3,7 @@
 use crate::layout::{GROUPS, NODES};
 use crate::simd::F64x4;
 
-/// Flows across the system boundary and through the ports, integrated beside the masses.
+/// Flows across the system boundary and through the ports, integrated with the masses; the constants below index them.
 pub const FLOWS: usize = 8;
 /// Charge pump into the gallery.
 pub const CHARGE_FLOW: usize = 0;
@@ -22,7 +22,7 @@ pub const MOTOR_TO_A: usize = 6;
 /// Motor chambers into line B.
 pub const MOTOR_TO_B: usize = 7;
 
-/// Masses of all chambers and nodes, or their rates.
+/// Masses of all chambers and nodes with the integrated flows, or the rates of both.
 #[derive(Debug, Clone, Copy)]
 pub struct Masses {
     /// Chambers, pump first.

@@ -1,9 +1,10 @@
-//! The balances of one stage solved by Newton's method, the chambers eliminated.
+//! Newton's method for one implicit stage, the chambers eliminated (Schur complement of an arrowhead matrix).
 //!
-//! One stage of the integrator asks for masses m with `m = m_star + gh * f(m)`, gh = gamma*h. Newton's method: every
-//! chamber row has only its own mass and those of the two lines, so it is eliminated into a 4 x 4 system of the nodes,
-//! solved, and substituted back: cost in proportion to the chambers. Fluxes are computed once per edge and enter both
-//! ends with opposite signs, derivatives too, so every Newton iterate conserves mass to rounding.
+//! A stage of the integrator requires masses m with `m = m_star + gh * f(m)`, gh = gamma*h. Newton's method: every
+//! chamber's row contains only its own mass and those of the two lines, so the chambers are eliminated into a 4 x 4
+//! system of the nodes, which is solved and substituted back: the cost is linear in the number of chambers. Every flow
+//! is computed once and enters both balances with opposite signs, its derivatives too, so every Newton iterate
+//! conserves mass to rounding. Derivation: docs/full-model/integration.md.
 
 use crate::layout::{CHARGE_GALLERY, FLUSHING_GALLERY, GROUPS, LANES, LINE_A, LINE_B, NODES};
 use crate::plant::Plant;
@@ -14,13 +15,13 @@ use super::masses::{MOTOR_TO_A, Masses, PUMP_TO_A};
 use super::nodes::{circuit, solve_nodes};
 use super::stage::ImplicitStage;
 
-/// Newton updates of the last iteration, as a fraction of a chamber's content, at which a stage is accepted. 3e-7 is
-/// 0.4 kPa; the error left after such an update is its square over the laminar transition, some pascals.
-const ACCEPT: f64 = 1.0e-5;
-/// Iterations after which a stage is given up and the step halved.
+/// Convergence tolerance: largest Newton update as a fraction of a chamber's content. 3e-7 is 0.4 kPa; the error after
+/// such an update is its square over the laminar transition, some pascals.
+const UPDATE_TOL: f64 = 1.0e-5;
+/// Iterations after which a stage counts as not converged and the step is halved.
 const MAX_ITERATIONS: u32 = 25;
 
-/// Why a stage was given up: size of the last update and iterations made.
+/// Failure of Newton's method on one stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NotConverged {
     /// Last relative update.
@@ -34,7 +35,7 @@ impl ImplicitStage {
     /// solution and `self.m.flow` holds the flows.
     ///
     /// # Errors
-    /// When Newton's method does not settle within its limit.
+    /// When Newton's method does not converge within its limit of iterations.
     #[inline(always)]
     pub fn solve(&mut self, plant: &Plant, star: &Masses, gh: f64, omega_p: f64) -> Result<(), NotConverged> {
         let groups = plant.groups.min(GROUPS);
@@ -92,7 +93,7 @@ impl ImplicitStage {
                 let by_rho = f * half_inv_rho;
                 let d_own = g_slope * group.slope + out * by_rho * group.inv_v;
                 let d_node = (one - out) * by_rho * line(&inv_vn, is_a) - g_slope * slope_line;
-                // Leakage, eq. 3, at the density of the side it comes from.
+                // Leakage (paper eq. 3) at the density upstream.
                 let over = group.p - F64x4::all(plant.case_pa);
                 let leaks = over.if_above(F64x4::ZERO, one, F64x4::ZERO);
                 let rho_leak = leaks.if_above(half, group.rho, F64x4::all(plant.case_rho));
@@ -161,7 +162,7 @@ impl ImplicitStage {
                 last_change = last_change.max(change.abs() * inv_v);
             }
             last_change *= inv_rho_0;
-            if last_change < ACCEPT {
+            if last_change < UPDATE_TOL {
                 self.finish(plant, charge, &drains, &slope_n, &change_n);
                 return Ok(());
             }
@@ -184,11 +185,11 @@ impl ImplicitStage {
         Err(NotConverged { last_change, iterations: MAX_ITERATIONS })
     }
 
-    /// Eliminates chambers that are open to both kidneys: their mass couples both lines.
+    /// Eliminates the chambers that are open to both kidneys: their masses couple both lines.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
-        reason = "one linear system, taken apart so that it stays in registers"
+        reason = "parts of one linear system, passed separately so that they stay in registers"
     )]
     fn eliminate_bridges(
         &mut self,
@@ -232,7 +233,7 @@ impl ImplicitStage {
         }
     }
 
-    /// Applies the last update and takes the flows of the linearised equations, which are what the masses moved by.
+    /// Applies the last update and computes the flows of the linearised equations, by which the masses changed.
     #[inline(always)]
     fn finish(
         &mut self,

@@ -1,4 +1,4 @@
-//! The lines and galleries: the circuit's valves between them, and their linear system.
+//! Nodes of the circuit (lines and galleries): the valves between them, and their 4 x 4 linear system.
 
 use crate::layout::{CHARGE_GALLERY, FLUSHING_GALLERY, LINE_A, LINE_B, NODES};
 use crate::plant::Plant;
@@ -49,7 +49,7 @@ pub(super) fn circuit(
             break;
         }
     }
-    // Relief valves 4 and 10 to the case; gear pump 3.
+    // Relief valves 4 and 10 to the case; charge pump 3.
     let drains = [
         plant.charge_relief.flow(p[CHARGE_GALLERY], plant.case_pa),
         plant.flushing_relief.flow(p[FLUSHING_GALLERY], plant.case_pa),
@@ -73,7 +73,7 @@ fn matrix_add(matrix: &mut [[f64; NODES]; NODES], from: usize, to: usize, third:
 #[inline(always)]
 pub(super) fn solve_nodes(
     matrix: &mut [[f64; NODES]; NODES],
-    right: &mut [f64; NODES],
+    rhs: &mut [f64; NODES],
 ) -> Option<[f64; NODES]> {
     for k in 0..NODES {
         let mut pivot = k;
@@ -84,7 +84,7 @@ pub(super) fn solve_nodes(
         }
         if pivot != k {
             matrix.swap(k, pivot);
-            right.swap(k, pivot);
+            rhs.swap(k, pivot);
         }
         let diagonal = matrix[k][k];
         if !(diagonal.abs() > 0.0 && diagonal.is_finite()) {
@@ -97,12 +97,12 @@ pub(super) fn solve_nodes(
             for (entry, above) in matrix[row].iter_mut().zip(pivot_row).skip(k + 1) {
                 *entry -= factor * above;
             }
-            right[row] -= factor * right[k];
+            rhs[row] -= factor * rhs[k];
         }
     }
     let mut x = [0.0; NODES];
     for k in (0..NODES).rev() {
-        let mut sum = right[k];
+        let mut sum = rhs[k];
         for column in k + 1..NODES {
             sum -= matrix[k][column] * x[column];
         }

@@ -6,10 +6,10 @@ use crate::simd::{F64x4, WIDTH};
 
 use super::masses::Masses;
 
-/// Bulk modulus by which the first guess tells stiff ports from soft ones; its exact value only costs iterations.
+/// Bulk modulus by which the first guess separates stiff ports from soft ones; its exact value affects iterations only.
 const STIFF_BETA_PA: f64 = 1.2e9;
 
-/// One group of four chambers at one instant: geometry, current iterate, linearised flows.
+/// Four chambers at one instant: geometry, current iterate, linearised flows.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ChamberGroup {
     pub(super) phi: F64x4,
@@ -17,19 +17,19 @@ pub(super) struct ChamberGroup {
     pub(super) inv_v: F64x4,
     /// dV/dt.
     pub(super) v_rate: F64x4,
-    /// Conductance of the wider port; 1 in `main_a` where that port leads to line A.
+    /// Conductance of the wider port; `main_a` is 1 where that port leads to line A.
     pub(super) area_1: F64x4,
     pub(super) main_a: F64x4,
-    /// Conductance of the other port: not zero only where a chamber bridges both kidneys.
+    /// Conductance of the other port: positive only where a chamber bridges both kidneys.
     pub(super) area_2: F64x4,
-    /// Shares in the vector sums of line A and B; 0 for a bridging chamber, which is handled apart.
+    /// Weights in the vector sums of lines A and B; 0 for a bridging chamber, which is eliminated separately.
     pub(super) weight_a: F64x4,
     pub(super) weight_b: F64x4,
     pub(super) rho: F64x4,
     pub(super) p: F64x4,
     pub(super) slope: F64x4,
-    /// Square root of the pressure drop that the main port's flow corresponds to, and
-    /// whether the flow is linearised at the pressure drop (soft) or at the flow (stiff).
+    /// Square root of the pressure drop that corresponds to the main port's flow; `soft` is 1 where the flow is
+    /// linearised at the pressure drop, 0 where at the flow (stiff).
     pub(super) q: F64x4,
     pub(super) soft: F64x4,
     pub(super) any_soft: bool,
@@ -45,7 +45,7 @@ pub(super) struct ChamberGroup {
     pub(super) change: F64x4,
 }
 
-/// Second port of a chamber that bridges both kidneys.
+/// Narrower port of a chamber that bridges both kidneys.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct BridgePort {
     pub(super) lane: usize,
@@ -55,17 +55,17 @@ pub(super) struct BridgePort {
     pub(super) d_node: f64,
 }
 
-/// Volumes and port areas at one instant, and everything Newton's method computes there.
+/// Implicit stage of the integrator: volumes and port areas at one instant, and the work space of Newton's method.
 #[derive(Debug, Clone)]
 pub struct ImplicitStage {
-    /// Current iterate, in the end the solution.
+    /// Current iterate; the solution after convergence.
     pub m: Masses,
     /// Absolute pressures of the nodes.
     pub p_node: [f64; NODES],
     pub(super) group: [ChamberGroup; GROUPS],
     pub(super) bridges: [BridgePort; LANES],
     pub(super) bridge_count: usize,
-    /// Newton iterations made so far, for statistics.
+    /// Newton iterations so far, for statistics.
     pub iterations: u64,
 }
 
@@ -82,7 +82,7 @@ impl Default for ImplicitStage {
     }
 }
 
-/// Where the shafts stand and how fast they turn at one instant.
+/// Angles and speeds of the shafts and the displacement fraction at one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Kinematics {
     /// Pump angle in [0, 2 pi).
@@ -98,13 +98,13 @@ pub struct Kinematics {
 }
 
 impl ImplicitStage {
-    /// Volume of one chamber as placed.
+    /// Volume of one chamber at the placed instant.
     #[must_use]
     pub fn volume_m3(&self, lane: usize) -> f64 {
         self.group[lane / WIDTH].volume.0[lane % WIDTH]
     }
 
-    /// Conductance of one chamber's ports as placed, to line A and to line B.
+    /// Conductance of one chamber's ports to line A and to line B at the placed instant.
     #[must_use]
     pub fn conductance(&self, lane: usize) -> (f64, f64) {
         let (g, l) = (&self.group[lane / WIDTH], lane % WIDTH);
@@ -119,7 +119,7 @@ impl ImplicitStage {
         std::array::from_fn(|g| self.group[g].p)
     }
 
-    /// Whether a placed chamber belongs to line A: by the wider port, or by the half turn when both are shut.
+    /// Whether a chamber belongs to line A: by its wider port, or by the half revolution when both ports are shut.
     #[must_use]
     pub fn nearer_to_a(&self, lane: usize, pump: bool) -> bool {
         let (g, l) = (&self.group[lane / WIDTH], lane % WIDTH);
@@ -129,7 +129,7 @@ impl ImplicitStage {
         (g.phi.0[l] < std::f64::consts::PI) != pump
     }
 
-    /// Places the chambers: volumes and port areas at one instant.
+    /// Places the chambers: computes volumes and port areas at one instant.
     ///
     /// V = V_0 + V_s/2 * (1 - alpha*cos(phi)); the motor's alpha is 1.
     #[inline(always)]
@@ -181,7 +181,7 @@ impl ImplicitStage {
         }
     }
 
-    /// Starts from known masses with no memory of earlier flows.
+    /// Resets the iteration to known masses; earlier flows are discarded.
     pub fn restart(&mut self, masses: &Masses) {
         self.m = *masses;
         for group in &mut self.group {
@@ -192,11 +192,11 @@ impl ImplicitStage {
         }
     }
 
-    /// First guess of a stage: chambers behind wide ports keep their pressure, the others follow their last rate.
+    /// First guess (predictor): chambers behind wide ports keep their pressure, the others follow their last rate.
     #[inline(always)]
     pub fn guess(&mut self, plant: &Plant, old: &Masses, star: &Masses, rate: &Masses, gh: f64) {
         let rho_0 = plant.oil.density_kg_m3();
-        // gh * K * dp/dm against 2*sqrt(dp) at 0.3 MPa: a port as stiff as this settles within the stage.
+        // gh * K * dp/dm against 2*sqrt(dp) at 0.3 MPa: a port as stiff as this equilibrates within the stage.
         let stiff = F64x4::all(2.0 * 0.3e6f64.sqrt() / (gh * 2.0 * STIFF_BETA_PA / rho_0));
         for g in 0..plant.groups.min(GROUPS) {
             let group = &mut self.group[g];

@@ -32,7 +32,7 @@ impl Machine {
         &self.oil
     }
 
-    /// Circuit: pressures, and the dynamics when the file has them.
+    /// Circuit.
     #[must_use]
     pub fn circuit(&self) -> &Circuit {
         &self.circuit
@@ -59,7 +59,7 @@ impl Machine {
         }
     }
 
-    /// Displacement, per revolution, to which the speed ratio refers: the motor's, or the flow meter's.
+    /// Displacement to which the speed ratio refers: the motor's, or the flow meter's.
     #[must_use]
     pub fn reference_displacement_cm3_per_rev(&self) -> f64 {
         match &self.receiver {
@@ -68,7 +68,7 @@ impl Machine {
         }
     }
 
-    /// The same machine with another pump displacement; stroke and dead volume keep their ratio to each other.
+    /// Machine with the pump's displacement scaled by a factor; the dead volume is scaled with it.
     ///
     /// # Errors
     /// When the factor is not between 0.5 and 2.
@@ -80,7 +80,7 @@ impl Machine {
         Ok(machine)
     }
 
-    /// The same machine with the oil's bulk modulus multiplied by a factor.
+    /// Machine with the oil's bulk modulus scaled by a factor.
     ///
     /// # Errors
     /// When the factor is not between 0.5 and 2.

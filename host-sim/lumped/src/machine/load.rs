@@ -8,9 +8,9 @@ use crate::value_range::ValueRange;
 use super::definition::Machine;
 use super::fields::SCHEMA;
 use super::parts::{
-    ChargeDrive, ChargePump, CheckValve, Circuit, CircuitDynamics, FlowMeter, FlowReceiver, OilProperties,
-    PistonUnit, PlateGeometry, PortAreas, ReliefValve, ShaftFriction, ShuttleValve, SilencingGroove,
-    SwashActuator, ValvePlate,
+    ChargeDrive, ChargePump, Circuit, CircuitDynamics, FlowMeter, FlowReceiver, OilProperties, OpeningValve,
+    PistonUnit, PlateGeometry, PortAreas, ReliefValve, ShaftFriction, SilencingGroove, SwashActuator,
+    ValvePlate,
 };
 use super::plate_table;
 use super::reader::FieldReader;
@@ -95,10 +95,6 @@ fn circuit(fields: &FieldReader<'_>) -> Result<Circuit, InvalidInput> {
 }
 
 fn dynamics(fields: &FieldReader<'_>) -> Result<CircuitDynamics, InvalidInput> {
-    let (crack_mpa, full_open_mpa, area_mm2) = opening_valve(fields, "circuit.dynamics.check_valve")?;
-    let check_valve = CheckValve { crack_mpa, full_open_mpa, area_mm2 };
-    let (crack_mpa, full_open_mpa, area_mm2) = opening_valve(fields, "circuit.dynamics.shuttle")?;
-    let shuttle = ShuttleValve { crack_mpa, full_open_mpa, area_mm2 };
     let high_relief = "circuit.dynamics.high_relief";
     Ok(CircuitDynamics {
         line_a_volume_cm3: fields.number("circuit.dynamics.line_a_volume_cm3")?,
@@ -107,8 +103,8 @@ fn dynamics(fields: &FieldReader<'_>) -> Result<CircuitDynamics, InvalidInput> {
         flushing_gallery_volume_cm3: fields.number("circuit.dynamics.flushing_gallery_volume_cm3")?,
         charge_pump: charge_pump(fields)?,
         charge_relief: relief_valve(fields, "circuit.dynamics.charge_relief")?,
-        check_valve,
-        shuttle,
+        check_valve: opening_valve(fields, "circuit.dynamics.check_valve")?,
+        shuttle: opening_valve(fields, "circuit.dynamics.shuttle")?,
         flushing_relief: relief_valve(fields, "circuit.dynamics.flushing_relief")?,
         high_relief: fields.has(high_relief).then(|| relief_valve(fields, high_relief)).transpose()?,
     })
@@ -138,12 +134,14 @@ fn relief_valve(fields: &FieldReader<'_>, key: &str) -> Result<ReliefValve, Inva
     Ok(ReliefValve { setting_mpa, rated_flow_l_min, override_mpa })
 }
 
-/// Cracking pressure, pressure of full opening and area of a check or shuttle valve.
-fn opening_valve(fields: &FieldReader<'_>, key: &str) -> Result<(f64, f64, f64), InvalidInput> {
+fn opening_valve(fields: &FieldReader<'_>, key: &str) -> Result<OpeningValve, InvalidInput> {
     let crack_mpa = fields.number(&format!("{key}.crack_mpa"))?;
-    let full_open_mpa = fields
-        .bound(&format!("{key}.full_open_mpa"), ValueRange::new(crack_mpa + 0.01, 10.0 + 0.01, "MPa"))?;
-    Ok((crack_mpa, full_open_mpa, fields.number(&format!("{key}.area_mm2"))?))
+    let full_open = ValueRange::new(crack_mpa + 0.01, 10.0 + 0.01, "MPa");
+    Ok(OpeningValve {
+        crack_mpa,
+        full_open_mpa: fields.bound(&format!("{key}.full_open_mpa"), full_open)?,
+        area_mm2: fields.number(&format!("{key}.area_mm2"))?,
+    })
 }
 
 fn piston_unit(fields: &FieldReader<'_>, unit: &str) -> Result<PistonUnit, InvalidInput> {

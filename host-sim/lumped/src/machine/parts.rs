@@ -1,6 +1,7 @@
-//! The parts of a machine as plain checked values, and the collection of those that the full model needs.
+//! Parts of a machine as checked values. Ranges and defaults: `fields.rs`.
 
-/// Oil. Temperature dependence is linear about `reference_c`; its coefficients are relative changes per kelvin.
+/// Oil properties. Temperature dependence is linear about `reference_c`; its coefficients are relative changes per
+/// kelvin.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct OilProperties {
@@ -16,21 +17,21 @@ pub struct OilProperties {
     pub walther_a: f64,
     /// Constant B of Walther's viscosity law.
     pub walther_b: f64,
-    /// Pressure below which no chamber can fall.
+    /// Vapour pressure, the floor of every chamber's pressure.
     pub vapour_pressure_mpa_abs: f64,
     /// Temperature at which density and bulk modulus are given.
     pub reference_c: f64,
-    /// Relative change of the bulk modulus per kelvin; negative for real oils, 0 when the file does not say.
+    /// Relative change of the bulk modulus per kelvin; negative for real oils, 0 by default.
     pub bulk_modulus_per_k: f64,
-    /// Relative change of the density per kelvin; negative for real oils, 0 when the file does not say.
+    /// Relative change of the density per kelvin; negative for real oils, 0 by default.
     pub density_per_k: f64,
 }
 
-/// Circuit: the two pressures every model needs, and the dynamics for the full model.
+/// Circuit: the two pressures that every model needs, and the dynamics for the lumped model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Circuit {
-    /// Gauge pressure at which the low line is held.
+    /// Gauge pressure of the low line.
     pub low_pressure_mpa: f64,
     /// Gauge pressure in the cases of pump and motor.
     pub case_pressure_mpa: f64,
@@ -50,31 +51,31 @@ pub struct CircuitDynamics {
     pub charge_gallery_volume_cm3: f64,
     /// Volume between shuttle valve 9 and relief valve 10.
     pub flushing_gallery_volume_cm3: f64,
-    /// Gear pump 3.
+    /// Charge pump 3.
     pub charge_pump: ChargePump,
     /// Relief valve 4, from the charge gallery to the case.
     pub charge_relief: ReliefValve,
     /// Check valves 5 and 6, from the charge gallery into either line.
-    pub check_valve: CheckValve,
+    pub check_valve: OpeningValve,
     /// Shuttle valve 9, from the line that is low to the flushing gallery.
-    pub shuttle: ShuttleValve,
+    pub shuttle: OpeningValve,
     /// Relief valve 10, from the flushing gallery to the case.
     pub flushing_relief: ReliefValve,
     /// Relief valves from each line to the charge gallery, when fitted.
     pub high_relief: Option<ReliefValve>,
 }
 
-/// Gear pump 3. A displacement of 0 is a charge circuit that is shut off.
+/// Charge pump 3. A displacement of 0 shuts the charge circuit off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ChargePump {
     /// Displacement per revolution of its own shaft.
     pub displacement_cm3_per_rev: f64,
-    /// What turns it.
+    /// Drive of its shaft.
     pub drive: ChargeDrive,
 }
 
-/// What turns the charge pump.
+/// Drive of the charge pump.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ChargeDrive {
     /// A motor of its own at this speed, r/min.
@@ -95,31 +96,22 @@ pub struct ReliefValve {
     pub override_mpa: f64,
 }
 
-/// Check valve: shut below cracking, area growing linearly to the full area.
+/// Valve whose flow area grows with a pressure difference: shut below cracking, fully open above.
+///
+/// A check valve opens by the difference across itself; the low side of the shuttle valve by the difference between the
+/// lines.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct CheckValve {
+pub struct OpeningValve {
     /// Pressure difference at which it starts to open.
     pub crack_mpa: f64,
     /// Pressure difference at which it is fully open.
     pub full_open_mpa: f64,
-    /// Full flow area.
+    /// Flow area when fully open.
     pub area_mm2: f64,
 }
 
-/// Shuttle valve: both sides shut around the middle, the side of the lower line open when the lines differ enough.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct ShuttleValve {
-    /// Pressure difference between the lines at which the low side starts to open.
-    pub crack_mpa: f64,
-    /// Pressure difference between the lines at which the low side is fully open.
-    pub full_open_mpa: f64,
-    /// Full flow area.
-    pub area_mm2: f64,
-}
-
-/// Pump or motor.
+/// Axial-piston unit: pump or motor.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PistonUnit {
@@ -177,7 +169,7 @@ pub struct ValvePlate {
     pub areas: PortAreas,
 }
 
-/// Where a valve plate's areas come from.
+/// Source of a valve plate's areas.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PortAreas {
     /// Cylinder port, kidneys, lands and grooves.
@@ -198,9 +190,9 @@ pub struct PlateGeometry {
     pub kidney_width_mm: f64,
     /// Angle between the edge of a cylinder port at dead centre and the nearest kidney edge.
     pub seal_land_deg: f64,
-    /// Groove at the end of a kidney that a chamber meets first when the shaft turns forward.
+    /// Groove at the end of a kidney that a chamber meets first in forward rotation.
     pub entry_groove: SilencingGroove,
-    /// Groove at the end that it leaves last.
+    /// Groove at the end of a kidney that a chamber leaves last.
     pub exit_groove: SilencingGroove,
 }
 
@@ -214,7 +206,7 @@ pub struct SilencingGroove {
     pub area_mm2: f64,
 }
 
-/// Areas against angle over one turn; first and last row are one turn apart.
+/// Areas against angle over one revolution; the first and the last row describe the same angle.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PlateTable {
@@ -226,7 +218,7 @@ pub struct PlateTable {
     pub area_b_mm2: Vec<f64>,
 }
 
-/// What receives the pump's flow.
+/// Receiver of the pump's flow.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FlowReceiver {
     /// A piston motor.
@@ -239,11 +231,11 @@ pub enum FlowReceiver {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct FlowMeter {
-    /// Displacement, per revolution, of the ideal motor that stands for the meter.
+    /// Displacement, per revolution, of the ideal motor that represents the meter.
     pub reference_displacement_cm3_per_rev: f64,
 }
 
-/// The parts that only the full model needs, all present.
+/// Parts that only the lumped model needs, all present.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct LumpedParts<'a> {

@@ -1,4 +1,4 @@
-//! Valve-plate areas from a table of angle against area, one row per angle, as CAD or CFD exports it.
+//! Table of valve-plate areas in CSV, one row per angle, as CAD or CFD exports it.
 //!
 //! Columns `angle_deg,area_a_mm2,area_b_mm2`; lines that start with `#` are comments. The angle is that of the chamber
 //! from its own top dead centre, from 0 to 360 with both ends present and equal.
@@ -11,10 +11,10 @@ use crate::value_range::ValueRange;
 use super::parts::PlateTable;
 use super::source::MachineSource;
 
-/// A table finer than a hundredth of a degree is a mistake of export.
+/// Rows at a hundredth of a degree; a finer table is an export error.
 const MAX_ROWS: usize = 36_001;
 const AREA: ValueRange = ValueRange::new(0.0, 100_000.0, "mm2");
-/// Ends of the table may differ by rounding of the export only.
+/// Largest difference between the areas at 0 and 360 deg, for rounding of the export.
 const CLOSURE_MM2: f64 = 0.01;
 
 #[derive(serde::Deserialize)]

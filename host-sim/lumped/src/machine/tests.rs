@@ -1,4 +1,4 @@
-//! The shipped machines load; every kind of bad file is refused with its place, value and range.
+//! Machine file: the shipped machines load; invalid files are rejected with position, value and range.
 
 use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ fn rig_without_a_motor_needs_only_the_reduced_models_values() {
 }
 
 #[test]
-fn every_bad_value_is_refused_with_line_value_and_range() {
+fn every_bad_value_is_rejected_with_line_value_and_range() {
     let cases = [
         ("dead_volume_cm3 = 10.03 ", "dead_volume_cm3 = -10.03 ", "pump.dead_volume_cm3", "-10.03"),
         ("bulk_modulus_mpa = 1314.0", "bulk_modulus_mpa = nan", "oil.bulk_modulus_mpa", "NaN"),
@@ -67,7 +67,7 @@ fn every_bad_value_is_refused_with_line_value_and_range() {
 }
 
 #[test]
-fn unknown_missing_and_doubled_keys_are_refused() {
+fn unknown_missing_and_exclusive_keys_are_rejected() {
     let unknown = load(&edited("air_fraction = 0.002", "air_fraction = 0.002\nair_content = 1")).unwrap_err();
     assert!(unknown.to_string().contains("air_content"), "{unknown}");
     assert!(unknown.line().is_some());
@@ -80,7 +80,7 @@ fn unknown_missing_and_doubled_keys_are_refused() {
 }
 
 #[test]
-fn kidney_that_never_opens_is_refused() {
+fn kidney_that_never_opens_is_rejected() {
     let text = edited("port_arc_deg = 28.0", "port_arc_deg = 39.0").replacen(
         "seal_land_deg = 4.0",
         "seal_land_deg = 60.0",

@@ -1,10 +1,10 @@
-//! Averages over the relative positions of the two shafts.
+//! Ensemble of runs with different relative positions of the two shafts, and its averages.
 //!
-//! Pump and motor ripple have different periods, so no state repeats exactly; what a long transient averages over is
-//! every relative position of the shafts, and one revolution alone is off by up to 1e-3 of ratio. So several runs, the
-//! members, have motors a fraction of a piston pitch apart: their mean is free of every beat |k*Z_p - l*Z_m*r| whose order
-//! l is no multiple of their number. The number is chosen so that the beats left are fast, and windows of less than a
-//! revolution remove those. One run goes ahead, since ratio and pressure can be brought close without the others.
+//! Pump and motor ripple have different periods, so no state repeats exactly; a long transient averages over every
+//! relative position of the shafts, and a single revolution is off by up to 1e-3 of ratio. Therefore several runs, the
+//! members, have motors offset by a fraction of a piston pitch: their mean is free of every beat |k*Z_p - l*Z_m*r|
+//! whose order l is no multiple of their number. The number is chosen so that the remaining beats are fast, and windows
+//! of less than a revolution remove those. A single scout run precedes them and brings ratio and pressure close.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -24,24 +24,25 @@ use crate::tableau::Method;
 
 /// Numbers of members to choose from.
 const MEMBERS: RangeInclusive<u32> = 5..=9;
-/// Order of the pump's ripple up to which beats are looked for. Orders 6 and 7 still move the ratio by 4e-5 at 36.5 MPa.
+/// Order of the pump's ripple up to which beats are considered. Orders 6 and 7 still move the ratio by 4e-5 at 36.5
+/// MPa.
 const BEAT_ORDER: u32 = 9;
-/// Rise and fall of the first run's window, pump revolutions: six pump ripples with nine pistons.
+/// Edges of the scout's window, pump revolutions: six pump ripples with nine pistons.
 const SCOUT_EDGE_REV: f64 = 2.0 / 3.0;
-/// Flat part of the first run's window.
+/// Flat part of the scout's window.
 const SCOUT_BOX_REV: f64 = 1.0 / 3.0;
-/// Rise and fall of a member's window in pump pitches: the least that removes the pump's ripple.
+/// Edges of a member's window in pump pitches: the shortest that remove the pump's ripple.
 const EDGE_PITCHES: f64 = 3.0;
 /// Longest flat part of a member's window in pump pitches.
 const LONGEST_BOX_PITCHES: f64 = 4.0;
-/// Start-up before the first window: chambers forget a wrong start when they next meet a kidney.
-const SETTLE_REV: f64 = 0.5;
-/// Cost of a revolution that is not measured, against one that is: its steps are longer.
+/// Start-up before the first window: a chamber's initial error vanishes at the next kidney.
+const START_UP_REV: f64 = 0.5;
+/// Cost of a coarse revolution relative to a measured one: its steps are longer.
 const COARSE_COST: f64 = 0.4;
-/// Wait after a correction of ratio and pressure.
-const RESETTLE_REV: f64 = 0.25;
+/// Transient after a correction of ratio and pressure.
+const CORRECTION_REV: f64 = 0.25;
 
-/// What one window of all runs tells.
+/// Result of one window over all runs.
 #[derive(Debug, Clone, Copy)]
 pub struct WindowResult {
     /// Means over all runs.
@@ -50,10 +51,10 @@ pub struct WindowResult {
     pub ripple_pa: [f64; 2],
 }
 
-/// A step, in time and in steps per pump revolution.
+/// Step size, in time and in steps per pump revolution.
 #[derive(Debug, Clone, Copy)]
 pub struct StepSize {
-    /// Step.
+    /// Step, s.
     pub h_s: f64,
     /// Steps of one pump revolution.
     pub steps_per_rev: u64,
@@ -67,22 +68,22 @@ impl StepSize {
     }
 }
 
-/// What is common to all runs: the drive, the steps, the side that is high.
+/// Settings common to all runs: drive, method, steps, high line.
 #[derive(Debug, Clone, Copy)]
 pub struct EnsembleConfig<'a> {
     /// The drive.
     pub plant: &'a Plant,
     /// Method.
     pub method: Method,
-    /// Step of what is measured.
+    /// Step of measured windows.
     pub fine: StepSize,
-    /// Step of what only leads there: start-up, waits and the run that goes ahead.
+    /// Step of start-up, transients and the scout run.
     pub coarse: StepSize,
     /// Line that is high.
     pub high: usize,
 }
 
-/// One run: its integrator and state.
+/// Member of the ensemble: integrator and state.
 struct EnsembleMember<'a> {
     integrator: Integrator<'a>,
     state: PlantState,
@@ -90,52 +91,49 @@ struct EnsembleMember<'a> {
     p_high_pa: f64,
 }
 
-/// The first run, or the members.
+/// The scout run, or the members.
 pub struct Ensemble<'a> {
-    setting: EnsembleConfig<'a>,
+    config: EnsembleConfig<'a>,
     runs: Vec<EnsembleMember<'a>>,
-    pace: StepSize,
+    step: StepSize,
     shape: WindowShape,
-    /// Pump revolutions made by all runs, those that were given up included.
+    /// Pump revolutions simulated by all runs, the scout's included.
     pub revolutions: f64,
     /// Largest error of the mass balance over a window.
     pub worst_balance: f64,
 }
 
 impl<'a> Ensemble<'a> {
-    /// The run that goes ahead, settled.
-    pub fn scout(
-        setting: EnsembleConfig<'a>,
-        inputs: &PlantInputs,
-        p_high_pa: f64,
-    ) -> Result<Self, SimError> {
-        let pace = setting.coarse;
-        let rev = pace.steps_per_rev as f64;
+    /// Scout run after its start-up.
+    pub fn scout(config: EnsembleConfig<'a>, inputs: &PlantInputs, p_high_pa: f64) -> Result<Self, SimError> {
+        let step = config.coarse;
+        let rev = step.steps_per_rev as f64;
         let shape = WindowShape { box_steps: SCOUT_BOX_REV * rev, edge_steps: SCOUT_EDGE_REV * rev };
-        let mut runs = Self { setting, runs: Vec::new(), pace, shape, revolutions: 0.0, worst_balance: 0.0 };
+        let mut runs = Self { config, runs: Vec::new(), step, shape, revolutions: 0.0, worst_balance: 0.0 };
         runs.start(&[0.0], inputs, p_high_pa)?;
         Ok(runs)
     }
 
     /// Distance of the motor's l-th harmonic from the pump's nearest one, per pump revolution.
     fn beat_per_rev(&self, ratio: f64, order: u32) -> f64 {
-        let plant = self.setting.plant;
+        let plant = self.config.plant;
         let (zp, zm) = (plant.pump_pistons as f64, plant.motor_pistons as f64 * ratio.abs());
         let motor = f64::from(order) * zm;
         let k = (motor / zp).round().clamp(1.0, f64::from(BEAT_ORDER));
         (k * zp - motor).abs()
     }
 
-    /// Number of members and flat part of their window, in pump pitches: the cheapest whose slowest beat left is removed
-    /// by that window, else the ones that leave the fastest. Beats of twice the order are weaker, so may be half as fast.
+    /// Number of members and flat part of their window, in pump pitches: the cheapest whose slowest beat left is
+    /// removed by that window, else the ones that leave the fastest. Beats of twice the order are weaker, so may be
+    /// half as fast.
     fn members(&self, ratio: f64, from: RangeInclusive<u32>) -> (u32, f64) {
-        let pitches = self.setting.plant.pump_pistons as f64;
+        let pitches = self.config.plant.pump_pistons as f64;
         let flat = |n: u32| {
             let left = self.beat_per_rev(ratio, n).min(2.0 * self.beat_per_rev(ratio, 2 * n));
             (pitches / left).ceil()
         };
         let cost =
-            |n: u32, flat: f64| f64::from(n) * (SETTLE_REV * COARSE_COST + (EDGE_PITCHES + flat) / pitches);
+            |n: u32, flat: f64| f64::from(n) * (START_UP_REV * COARSE_COST + (EDGE_PITCHES + flat) / pitches);
         let cheapest = |best: (u32, f64), (n, flat): (u32, f64)| match (best.1, flat) {
             (b, f) if f.max(b) > LONGEST_BOX_PITCHES => {
                 if f < b {
@@ -156,77 +154,77 @@ impl<'a> Ensemble<'a> {
         (n, flat.min(LONGEST_BOX_PITCHES))
     }
 
-    /// Replaces all runs by members, as many as will do where it is not said, started at the wanted pressure and settled.
-    pub fn spread(
+    /// Replaces the scout by members, the smallest sufficient number unless given, started at the wanted pressure.
+    pub fn start_members(
         &mut self,
         members: Option<u32>,
         ratio: f64,
         inputs: &PlantInputs,
         p_high_pa: f64,
     ) -> Result<(), SimError> {
-        let plant = self.setting.plant;
+        let plant = self.config.plant;
         let (members, flat) = self.members(ratio, members.map_or(MEMBERS, |n| n..=n));
         let pump_pitches = plant.pump_pistons as f64;
-        self.pace = self.setting.fine;
-        let pitch_steps = self.pace.steps_per_rev as f64 / pump_pitches;
+        self.step = self.config.fine;
+        let pitch_steps = self.step.steps_per_rev as f64 / pump_pitches;
         self.shape = WindowShape { box_steps: flat * pitch_steps, edge_steps: EDGE_PITCHES * pitch_steps };
-        let apart = TAU / (plant.motor_pistons as f64 * f64::from(members));
-        let phases: Vec<f64> = (0..members).map(|k| apart * f64::from(k)).collect();
+        let spacing = TAU / (plant.motor_pistons as f64 * f64::from(members));
+        let phases: Vec<f64> = (0..members).map(|k| spacing * f64::from(k)).collect();
         self.start(&phases, inputs, p_high_pa)
     }
 
-    /// Makes ready for another window at a corrected ratio: moves the line to the wanted pressure and settles.
-    pub fn again(&mut self, inputs: &PlantInputs, target_pa: f64) -> Result<(), SimError> {
-        let setting = self.setting;
+    /// Prepares another window at a corrected ratio: sets the line to the wanted pressure and runs the transient.
+    pub fn prepare_window(&mut self, inputs: &PlantInputs, target_pa: f64) -> Result<(), SimError> {
+        let config = self.config;
         for run in &mut self.runs {
-            move_line(&setting, &mut run.state, target_pa - run.p_high_pa);
+            shift_line_pressure(&config, &mut run.state, target_pa - run.p_high_pa);
         }
-        self.settle(inputs, RESETTLE_REV)
+        self.run_transient(inputs, CORRECTION_REV)
     }
 
-    /// Runs whose motors start at the given angles and whose high line starts at `p_high_pa`, settled.
+    /// Runs whose motors start at the given angles and whose high line starts at `p_high_pa`, after their start-up.
     fn start(&mut self, phases_rad: &[f64], inputs: &PlantInputs, p_high_pa: f64) -> Result<(), SimError> {
-        let setting = self.setting;
-        let pressure = |line: usize| if line == setting.high { p_high_pa } else { setting.plant.low_pa };
+        let config = self.config;
+        let pressure = |line: usize| if line == config.high { p_high_pa } else { config.plant.low_pa };
         let begin = |phi_m: &f64| {
-            let mut integrator = Integrator::new(setting.plant, setting.method);
+            let mut integrator = Integrator::new(config.plant, config.method);
             let state = integrator.initial(pressure(LINE_A), pressure(LINE_B), inputs, inputs.alpha, *phi_m);
             EnsembleMember { integrator, state, p_high_pa }
         };
         self.runs = phases_rad.iter().map(begin).collect();
-        self.settle(inputs, SETTLE_REV)
+        self.run_transient(inputs, START_UP_REV)
     }
 
-    /// Lets all runs go on for some revolutions.
-    fn settle(&mut self, inputs: &PlantInputs, revolutions: f64) -> Result<(), SimError> {
-        let StepSize { h_s: h, steps_per_rev } = self.setting.coarse;
+    /// Advances all runs by some revolutions at the coarse step.
+    fn run_transient(&mut self, inputs: &PlantInputs, revolutions: f64) -> Result<(), SimError> {
+        let StepSize { h_s: h, steps_per_rev } = self.config.coarse;
         let steps = (revolutions * steps_per_rev as f64).ceil() as u64;
         self.revolutions += self.runs.len() as f64 * steps as f64 / steps_per_rev as f64;
-        let go = |one: &mut EnsembleMember<'a>| {
+        let advance_one = |one: &mut EnsembleMember<'a>| {
             advance(&mut one.integrator, &mut one.state, inputs, h, steps, &mut ())
         };
-        self.runs.par_iter_mut().try_for_each(go)
+        self.runs.par_iter_mut().try_for_each(advance_one)
     }
 
     /// One window of every run.
     pub fn window(&mut self, inputs: &PlantInputs) -> Result<WindowResult, SimError> {
-        let (setting, pace, shape) = (self.setting, self.pace, self.shape);
+        let (config, step, shape) = (self.config, self.step, self.shape);
         let one = |one: &mut EnsembleMember<'a>| -> Result<(WindowResult, f64), SimError> {
-            let account = MassBalance::open(&one.state, setting.plant);
+            let balance = MassBalance::from(&one.state, config.plant);
             let mut window = AveragingWindow::new(&one.state, shape);
-            advance(&mut one.integrator, &mut one.state, inputs, pace.h_s, shape.steps(), &mut window)?;
+            advance(&mut one.integrator, &mut one.state, inputs, step.h_s, shape.steps(), &mut window)?;
             let means = window.means();
-            one.p_high_pa = means.p_node_pa[setting.high];
+            one.p_high_pa = means.p_node_pa[config.high];
             Ok((
                 WindowResult { means, ripple_pa: window.ripple_pa() },
-                account.error(&one.state, setting.plant),
+                balance.error(&one.state, config.plant),
             ))
         };
-        let seen: Vec<_> = self.runs.par_iter_mut().map(one).collect::<Result<_, _>>()?;
-        self.revolutions += self.runs.len() as f64 * shape.steps() as f64 / pace.steps_per_rev as f64;
+        let results: Vec<_> = self.runs.par_iter_mut().map(one).collect::<Result<_, _>>()?;
+        self.revolutions += self.runs.len() as f64 * shape.steps() as f64 / step.steps_per_rev as f64;
         let mut all = WindowResult { means: WindowMeans::default(), ripple_pa: [0.0; 2] };
-        for (one, balance) in &seen {
-            all.means.add(&one.means, 1.0 / seen.len() as f64);
+        for (one, balance) in &results {
+            all.means.add(&one.means, 1.0 / results.len() as f64);
             for (largest, ripple) in all.ripple_pa.iter_mut().zip(one.ripple_pa) {
                 *largest = largest.max(ripple);
             }
@@ -235,7 +233,7 @@ impl<'a> Ensemble<'a> {
         Ok(all)
     }
 
-    /// State of the first run.
+    /// State of the first member.
     pub fn into_state(mut self) -> PlantState {
         self.runs.swap_remove(0).state
     }
@@ -252,8 +250,8 @@ pub fn high_volume_m3(plant: &Plant, high: usize) -> f64 {
 }
 
 /// Adds oil to the high line for a rise of pressure in it and in the chambers that are open to it.
-fn move_line(setting: &EnsembleConfig<'_>, state: &mut PlantState, rise_pa: f64) {
-    let (plant, high) = (setting.plant, setting.high);
+fn shift_line_pressure(config: &EnsembleConfig<'_>, state: &mut PlantState, rise_pa: f64) {
+    let (plant, high) = (config.plant, config.high);
     let rho = plant.oil.density_at(state.p_node_pa[high]);
     let rho_to = plant.oil.density_at(state.p_node_pa[high] + rise_pa);
     state.masses.node[high] += (rho_to - rho) * high_volume_m3(plant, high);

@@ -2,21 +2,21 @@
 
 use crate::tableau::Method;
 
-/// Windows of the members after which the search gives up.
+/// Windows of the members after which the search stops without a result.
 pub(super) const MAX_WINDOWS: u32 = 10;
 
-/// How finely to compute.
+/// Step, method and tolerance of the steady-state solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverSettings {
     /// Step as pump angle.
     pub step_deg: f64,
     /// Method.
     pub method: Method,
-    /// Uncertainty of the ratio at which the search ends.
+    /// Residual of the ratio at which the search ends.
     pub tolerance: f64,
-    /// Relative positions of the two shafts to average over; `None` takes as few as will do. 1 to 64.
+    /// Relative positions of the two shafts to average over, 1 to 64; `None` selects the smallest sufficient number.
     pub members: Option<u32>,
-    /// Windows to average over at least, once corrections have become small. 1 to 10.
+    /// Least number of windows to average over once corrections have become small, 1 to 10.
     pub windows: u32,
 }
 
