@@ -1,7 +1,7 @@
 //! Lumped model behind the [`PlantModel`] interface; the only file of this crate that calls its solver.
 
-use kou_lumped::machine::{Machine, Receiver, Unit};
-use kou_lumped::{Model, OperatingPoint, Settings, SimError, SteadyCase, SteadyPoint};
+use kou_lumped::machine::{FlowReceiver, Machine, PistonUnit};
+use kou_lumped::{LumpedModel, OperatingPoint, SimError, SolverSettings, SteadyCase, SteadyPoint};
 use kou_records::InputError;
 
 use crate::machine_parameters::{HydraulicUnit, MachineParameters, OilCompressibility, RatioReference};
@@ -11,9 +11,9 @@ use crate::plant_model::{MachineCorrection, PlantError, PlantModel, SteadyRespon
 #[derive(Debug)]
 #[doc(alias = "full model")]
 pub struct LumpedPlant {
-    model: Model,
+    model: LumpedModel,
     file: Machine,
-    settings: Settings,
+    settings: SolverSettings,
 }
 
 impl LumpedPlant {
@@ -26,8 +26,8 @@ impl LumpedPlant {
     }
 
     fn with_correction(file: &Machine, corrected: Machine) -> Result<Self, InputError> {
-        let model = Model::new(&corrected).map_err(input_error)?;
-        Ok(Self { model, file: file.clone(), settings: Settings::default() })
+        let model = LumpedModel::new(&corrected).map_err(input_error)?;
+        Ok(Self { model, file: file.clone(), settings: SolverSettings::default() })
     }
 }
 
@@ -60,7 +60,7 @@ impl PlantModel for LumpedPlant {
             // Near a slow beat of the ripples of pump and motor the default tolerance takes many windows: four times the
             // tolerance is sufficient here.
             Err(SimError::NotSteady { .. }) => {
-                let coarse = Settings { tolerance: 4.0 * self.settings.tolerance, ..self.settings };
+                let coarse = SolverSettings { tolerance: 4.0 * self.settings.tolerance, ..self.settings };
                 SteadyPoint::solve_with(&self.model, &case, &coarse)
             }
             other => other,
@@ -74,8 +74,8 @@ impl PlantModel for LumpedPlant {
     }
 }
 
-impl From<&Unit> for HydraulicUnit {
-    fn from(unit: &Unit) -> Self {
+impl From<&PistonUnit> for HydraulicUnit {
+    fn from(unit: &PistonUnit) -> Self {
         Self {
             pistons: unit.pistons,
             displacement_cm3_per_rev: unit.displacement_cm3_per_rev,
@@ -91,8 +91,8 @@ impl From<&Machine> for MachineParameters {
             name: machine.name().to_string(),
             pump: machine.pump().into(),
             reference: match machine.receiver() {
-                Receiver::Motor(motor) => RatioReference::Motor(motor.into()),
-                Receiver::FlowMeter(meter) => RatioReference::FlowMeter {
+                FlowReceiver::Motor(motor) => RatioReference::Motor(motor.into()),
+                FlowReceiver::FlowMeter(meter) => RatioReference::FlowMeter {
                     reference_displacement_cm3_per_rev: meter.reference_displacement_cm3_per_rev,
                 },
             },

@@ -1,15 +1,15 @@
-//! Why a simulation cannot start or cannot go on; every variant names the cause and the value.
+//! Errors of the model: invalid input, no convergence, no steady state.
 
-use crate::input::InvalidInput;
+use crate::invalid_input::InvalidInput;
 
-/// Failure of the full model.
+/// Error of a simulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
-    /// The machine file or a value of the command line is not usable.
+    /// Invalid machine file or operating point.
     #[error("{0}")]
     Input(#[from] InvalidInput),
-    /// The implicit equations of one step had no solution that Newton's method could find, even after halving the step.
+    /// Newton's method did not converge on the implicit equations of a step, even after halving it.
     #[error(
         "did not converge at {time_s:.6} s with a step of {step_s:.1e} s: last mass change {last_change:.1e} of a \
              chamber's content in {iterations} iterations"
@@ -24,13 +24,13 @@ pub enum SimError {
         /// Newton iterations made.
         iterations: u32,
     },
-    /// A pressure left the range for which the oil is tabulated.
+    /// Pressure beyond the oil table.
     #[error(
         "pressure of {pressure_mpa:.1} MPa in {place} at {time_s:.6} s is beyond the {limit_mpa:.0} MPa of the oil \
-             table: the pump has no way out for its flow"
+             table: the pump's flow has no outlet"
     )]
     PressureTooHigh {
-        /// Where.
+        /// Line.
         place: &'static str,
         /// Simulated time.
         time_s: f64,
@@ -39,15 +39,15 @@ pub enum SimError {
         /// Limit, gauge.
         limit_mpa: f64,
     },
-    /// No steady state exists with the wanted pressure or load.
+    /// Pressure or load at which no steady state exists.
     #[error("{wanted} cannot be reached: {reason}")]
     Unreachable {
-        /// What was asked for, with value and unit.
+        /// Requested quantity with value and unit.
         wanted: String,
-        /// Why it does not exist.
+        /// Cause.
         reason: String,
     },
-    /// The search for the steady state stopped at its limit of work.
+    /// Search for the steady state stopped at its limit of windows.
     #[error(
         "no steady state after {revolutions:.0} pump revolutions: the ratio still changes by {residual:.1e}"
     )]
@@ -57,7 +57,7 @@ pub enum SimError {
         /// Residual of the ratio at that point.
         residual: f64,
     },
-    /// A result file could not be written.
+    /// Result file that cannot be written.
     #[error("{0}")]
     Output(String),
 }

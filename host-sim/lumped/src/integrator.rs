@@ -1,79 +1,40 @@
-//! One step of the whole drive: shaft, swash and oil, second order where they meet, third order in the oil.
+//! Time step of the whole drive: shafts, swash actuator and oil.
 //!
 //! A step from t to t + h does, in this order:
 //!
 //! ```text
-//! omega_half = omega + h/2 * torque(t)/J                       half a kick
+//! omega_half = omega + h/2 * torque(t)/J                       half a kick of the shafts
 //! alpha(t + h) from the actuator's law
 //! masses by ESDIRK, angles phi + omega_half*c*h, alpha linear  the oil, all stages implicit
 //! torque(t + h) from the new pressures
 //! omega = omega_half + h/2 * torque(t + h)/J                   half a kick
 //! ```
 //!
-//! (Stoermer-Verlet for the shaft around an L-stable method for the oil.) The shaft's frequencies are some tens of hertz,
-//! far below 1/h, so it needs no implicit treatment; the oil's are 1e7 1/s. When Newton's method does not settle, the
-//! step is halved, up to a limit, and then the run stops with an error.
+//! Stoermer-Verlet splitting (order 2) for the shafts around an L-stable ESDIRK method for the oil. The shafts'
+//! frequencies are some tens of hertz, far below 1/h, and need no implicit method; the oil's are 1e7 1/s. When Newton's
+//! method does not converge, the step is halved, up to a limit, and then the run stops with an error.
 
 use std::f64::consts::TAU;
 
-use super::error::SimError;
-use super::hydraulics::{GaveUp, Kinematics, Masses, Stage};
-use super::lanes::{V4, WIDTH};
-use super::oil::{ATMOSPHERE_PA, MAX_PRESSURE_PA};
-use super::plant::{A, B, GROUPS, LANES, NODES, Plant};
-use super::shaft::{self, Drive, Load};
-use super::tableau::{MAX_STAGES, Method, Tableau};
+use crate::error::SimError;
+use crate::hydraulics::{ImplicitStage, Kinematics, Masses, NotConverged};
+use crate::layout::{GROUPS, LINE_A, LINE_B, NODES};
+use crate::oil::{ATMOSPHERE_PA, MAX_PRESSURE_PA};
+use crate::plant::Plant;
+use crate::plant_state::{PlantInputs, PlantState};
+use crate::shaft::{self, ShaftDrive, ShaftLoad};
+use crate::simd::{F64x4, WIDTH};
+use crate::tableau::{ButcherTableau, MAX_STAGES, Method};
 
-/// Halvings of a step before the run is given up: 1/4096 of a default step is below a nanosecond of port motion.
+/// Halvings of a step before the run stops: 1/4096 of a default step is below a nanosecond of port motion.
 const MAX_HALVINGS: u32 = 12;
 
-/// What acts on the drive from outside during a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Inputs {
-    /// Drive of the pump.
-    pub drive: Drive,
-    /// Load on the motor.
-    pub load: Load,
-    /// Commanded displacement fraction.
-    pub alpha: f64,
-}
-
-/// State of the drive at one instant.
-#[derive(Debug, Clone)]
-pub struct State {
-    /// Time.
-    pub time_s: f64,
-    /// Masses of chambers and nodes, kg; its flows are integrals since the start, kg.
-    pub masses: Masses,
-    /// Shaft angle of the pump since the start.
-    pub phi_p_rad: f64,
-    /// Shaft angle of the motor since the start.
-    pub phi_m_rad: f64,
-    /// Pump speed.
-    pub omega_p_rad_s: f64,
-    /// Motor speed.
-    pub omega_m_rad_s: f64,
-    /// Displacement fraction.
-    pub alpha: f64,
-    /// Torque of the oil on the pump's shaft.
-    pub torque_p_nm: f64,
-    /// Torque of the oil on the motor's shaft.
-    pub torque_m_nm: f64,
-    /// Absolute pressures of the chambers, Pa.
-    pub p_chamber_pa: [V4; GROUPS],
-    /// Absolute pressures of the nodes, Pa.
-    pub p_node_pa: [f64; NODES],
-    /// Rates at this instant: first stage of the next step.
-    rates: Masses,
-    rates_known: bool,
-}
-
-/// Steps a [`State`] forward; owns the work space, so that stepping allocates nothing.
+/// Steps a [`PlantState`] forward; owns the work space, so that stepping allocates nothing.
 #[derive(Debug)]
 pub struct Integrator<'a> {
     plant: &'a Plant,
-    tableau: Tableau,
-    stage: Stage,
+    tableau: ButcherTableau,
+    stage: ImplicitStage,
     k: [Masses; MAX_STAGES],
     steps: u64,
     halvings: u64,
@@ -86,7 +47,7 @@ impl<'a> Integrator<'a> {
         Self {
             plant,
             tableau: method.tableau(),
-            stage: Stage::default(),
+            stage: ImplicitStage::default(),
             k: [Masses::default(); MAX_STAGES],
             steps: 0,
             halvings: 0,
@@ -99,7 +60,7 @@ impl<'a> Integrator<'a> {
         (self.steps, self.stage.iterations, self.halvings)
     }
 
-    /// State at rest in the oil: chambers open to a line at that line's pressure, the others at the nearer kidney's.
+    /// Initial state: chambers open to a line at that line's pressure, the others at the nearer kidney's.
     ///
     /// Pressures are absolute; angles and speeds are the caller's.
     #[must_use]
@@ -107,29 +68,29 @@ impl<'a> Integrator<'a> {
         &mut self,
         p_a_pa: f64,
         p_b_pa: f64,
-        inputs: &Inputs,
+        inputs: &PlantInputs,
         alpha: f64,
         phi_m_rad: f64,
-    ) -> State {
+    ) -> PlantState {
         let plant = self.plant;
         let low = p_a_pa.min(p_b_pa);
-        let mut state = State {
+        let mut state = PlantState {
             time_s: 0.0,
             masses: Masses::default(),
             phi_p_rad: 0.0,
             phi_m_rad,
             omega_p_rad_s: match inputs.drive {
-                Drive::SpeedRadS(omega) => omega,
-                Drive::Governed { set_rad_s, .. } => set_rad_s,
+                ShaftDrive::SpeedRadS(omega) => omega,
+                ShaftDrive::Governed { set_rad_s, .. } => set_rad_s,
             },
             omega_m_rad_s: match inputs.load {
-                Load::SpeedRadS(omega) => omega,
+                ShaftLoad::SpeedRadS(omega) => omega,
                 _ => 0.0,
             },
             alpha,
             torque_p_nm: 0.0,
             torque_m_nm: 0.0,
-            p_chamber_pa: [V4::all(plant.case_pa); GROUPS],
+            p_chamber_pa: [F64x4::all(plant.case_pa); GROUPS],
             p_node_pa: [p_a_pa, p_b_pa, low, low],
             rates: Masses::default(),
             rates_known: false,
@@ -150,19 +111,19 @@ impl<'a> Integrator<'a> {
         state
     }
 
-    /// Advances the state by `h`, halving where Newton's method does not settle.
+    /// Advances the state by `h`, halving the step where Newton's method does not converge.
     ///
     /// # Errors
     /// When the step cannot be made, or a pressure leaves the oil table.
     #[inline(always)]
-    pub fn step(&mut self, state: &mut State, inputs: &Inputs, h: f64) -> Result<(), SimError> {
-        if let Err(gave_up) = self.try_step(state, inputs, h) {
-            self.halved(state, inputs, h, gave_up)?;
+    pub fn step(&mut self, state: &mut PlantState, inputs: &PlantInputs, h: f64) -> Result<(), SimError> {
+        if let Err(failure) = self.try_step(state, inputs, h) {
+            self.halved(state, inputs, h, failure)?;
         }
-        let highest = state.p_node_pa[A].max(state.p_node_pa[B]);
+        let highest = state.p_node_pa[LINE_A].max(state.p_node_pa[LINE_B]);
         if highest >= MAX_PRESSURE_PA {
             return Err(SimError::PressureTooHigh {
-                place: if state.p_node_pa[A] > state.p_node_pa[B] { "line A" } else { "line B" },
+                place: if state.p_node_pa[LINE_A] > state.p_node_pa[LINE_B] { "line A" } else { "line B" },
                 time_s: state.time_s,
                 pressure_mpa: 1.0e-6 * (highest - ATMOSPHERE_PA),
                 limit_mpa: 1.0e-6 * (MAX_PRESSURE_PA - ATMOSPHERE_PA),
@@ -174,34 +135,40 @@ impl<'a> Integrator<'a> {
     /// Makes the step in `2^k` parts, k growing until all parts succeed.
     #[cold]
     #[inline(never)]
-    fn halved(&mut self, state: &mut State, inputs: &Inputs, h: f64, first: GaveUp) -> Result<(), SimError> {
-        let mut gave_up = first;
+    fn halved(
+        &mut self,
+        state: &mut PlantState,
+        inputs: &PlantInputs,
+        h: f64,
+        first: NotConverged,
+    ) -> Result<(), SimError> {
+        let mut failure = first;
         for halving in 1..=MAX_HALVINGS {
             self.halvings += 1;
             let parts = 1u32 << halving;
             let part = h / f64::from(parts);
             let mut trial = state.clone();
-            // A crude start of the stiff rates is what most often breaks a step, so they are found afresh.
+            // Poor initial rates of the stiff chambers are the most frequent cause, so they are computed anew.
             trial.rates_known = false;
             match (0..parts).try_for_each(|_| self.try_step(&mut trial, inputs, part)) {
                 Ok(()) => {
                     *state = trial;
                     return Ok(());
                 }
-                Err(e) => gave_up = e,
+                Err(e) => failure = e,
             }
         }
         Err(SimError::NotConverged {
             time_s: state.time_s,
             step_s: h / f64::from(1u32 << MAX_HALVINGS),
-            last_change: gave_up.last_change,
-            iterations: gave_up.iterations,
+            last_change: failure.last_change,
+            iterations: failure.iterations,
         })
     }
 
-    /// One step as it is; the state is unchanged when it fails.
+    /// One undivided step; a failure leaves the state unchanged.
     #[inline(always)]
-    fn try_step(&mut self, state: &mut State, inputs: &Inputs, h: f64) -> Result<(), GaveUp> {
+    fn try_step(&mut self, state: &mut PlantState, inputs: &PlantInputs, h: f64) -> Result<(), NotConverged> {
         let plant = self.plant;
         let t = self.tableau;
         if !state.rates_known {
@@ -230,7 +197,7 @@ impl<'a> Integrator<'a> {
             for j in 0..s {
                 let w = h * t.a[s][j];
                 for g in 0..groups {
-                    star.chamber[g] += V4::all(w) * self.k[j].chamber[g];
+                    star.chamber[g] += F64x4::all(w) * self.k[j].chamber[g];
                 }
                 for i in 0..NODES {
                     star.node[i] += w * self.k[j].node[i];
@@ -239,7 +206,7 @@ impl<'a> Integrator<'a> {
             self.stage.guess(plant, &state.masses, &star, &self.k[s - 1], gh);
             self.stage.solve(plant, &star, gh, omega_p)?;
             for g in 0..groups {
-                self.k[s].chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * V4::all(inv_gh);
+                self.k[s].chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * F64x4::all(inv_gh);
             }
             for i in 0..NODES {
                 self.k[s].node[i] = (self.stage.m.node[i] - star.node[i]) * inv_gh;
@@ -272,16 +239,16 @@ impl<'a> Integrator<'a> {
         Ok(())
     }
 
-    /// Rates at the state itself, from an implicit stage so short that nothing moves.
+    /// Rates at the state itself, from an implicit stage too short for any motion.
     #[inline(never)]
-    fn find_rates(&mut self, state: &mut State) -> Result<(), GaveUp> {
+    fn find_rates(&mut self, state: &mut PlantState) -> Result<(), NotConverged> {
         const SHORT_S: f64 = 1.0e-12;
         self.stage.place(self.plant, &kinematics(state));
         let star = state.masses;
         self.stage.restart(&star);
         self.stage.solve(self.plant, &star, SHORT_S, state.omega_p_rad_s)?;
         for g in 0..GROUPS {
-            state.rates.chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * V4::all(1.0 / SHORT_S);
+            state.rates.chamber[g] = (self.stage.m.chamber[g] - star.chamber[g]) * F64x4::all(1.0 / SHORT_S);
         }
         for i in 0..NODES {
             state.rates.node[i] = (self.stage.m.node[i] - star.node[i]) / SHORT_S;
@@ -292,74 +259,54 @@ impl<'a> Integrator<'a> {
     }
 
     #[inline(always)]
-    fn pump_kick(&self, state: &State, inputs: &Inputs, omega: f64, dt: f64, torque: f64) -> f64 {
+    fn pump_kick(&self, state: &PlantState, inputs: &PlantInputs, omega: f64, dt: f64, torque: f64) -> f64 {
         match (inputs.drive, self.plant.pump_inertia_kg_m2) {
-            (Drive::Governed { set_rad_s, nm_s, limit_nm }, Some(j)) => {
+            (ShaftDrive::Governed { set_rad_s, nm_s, limit_nm }, Some(j)) => {
                 let sign = if set_rad_s < 0.0 { -1.0 } else { 1.0 };
                 let engine = sign * (sign * nm_s * (set_rad_s - omega)).clamp(0.0, limit_nm);
                 shaft::kick(omega, dt, j, engine + torque, self.plant.pump_friction, 0.0)
             }
-            (Drive::SpeedRadS(omega), _) => omega,
-            (Drive::Governed { .. }, None) => state.omega_p_rad_s,
+            (ShaftDrive::SpeedRadS(omega), _) => omega,
+            (ShaftDrive::Governed { .. }, None) => state.omega_p_rad_s,
         }
     }
 
     #[inline(always)]
-    fn motor_kick(&self, omega: f64, inputs: &Inputs, dt: f64, torque: f64) -> f64 {
+    fn motor_kick(&self, omega: f64, inputs: &PlantInputs, dt: f64, torque: f64) -> f64 {
         let (j, friction) = (self.plant.motor_inertia_kg_m2, self.plant.motor_friction);
         match inputs.load {
-            Load::ResistiveNm(load) => shaft::kick(omega, dt, j, torque, friction, load),
-            Load::ConstantNm(load) => shaft::kick(omega, dt, j, torque - load, friction, 0.0),
-            Load::SpeedRadS(omega) => omega,
+            ShaftLoad::ResistiveNm(load) => shaft::kick(omega, dt, j, torque, friction, load),
+            ShaftLoad::ConstantNm(load) => shaft::kick(omega, dt, j, torque - load, friction, 0.0),
+            ShaftLoad::SpeedRadS(omega) => omega,
         }
     }
 
     /// Torques of the oil: sum of (p - p_c) * dV/dphi, dV/dphi = V_s/2 * alpha * sin(phi).
     #[inline(always)]
-    fn torques(&self, state: &State) -> (f64, f64) {
+    fn torques(&self, state: &PlantState) -> (f64, f64) {
         let plant = self.plant;
         let (sin_p, cos_p) = state.phi_p_rad.sin_cos();
         let (sin_m, cos_m) = state.phi_m_rad.sin_cos();
-        let (mut pump, mut motor) = (V4::ZERO, V4::ZERO);
+        let (mut pump, mut motor) = (F64x4::ZERO, F64x4::ZERO);
         for g in 0..plant.groups.min(GROUPS) {
-            let force = (state.p_chamber_pa[g] - V4::all(plant.case_pa)) * plant.half_stroke_m3[g];
+            let force = (state.p_chamber_pa[g] - F64x4::all(plant.case_pa)) * plant.half_stroke_m3[g];
             let (c, s) = (plant.cos_offset[g], plant.sin_offset[g]);
-            pump += plant.is_pump[g] * force * (V4::all(sin_p) * c + V4::all(cos_p) * s);
-            motor += (V4::all(1.0) - plant.is_pump[g]) * force * (V4::all(sin_m) * c + V4::all(cos_m) * s);
+            pump += plant.is_pump[g] * force * (F64x4::all(sin_p) * c + F64x4::all(cos_p) * s);
+            motor += (F64x4::all(1.0) - plant.is_pump[g])
+                * force
+                * (F64x4::all(sin_m) * c + F64x4::all(cos_m) * s);
         }
         (pump.sum() * state.alpha, motor.sum())
     }
 }
 
 /// Kinematics of a state.
-fn kinematics(state: &State) -> Kinematics {
+fn kinematics(state: &PlantState) -> Kinematics {
     Kinematics {
         phi_p: state.phi_p_rad.rem_euclid(TAU),
         phi_m: state.phi_m_rad.rem_euclid(TAU),
         omega_p: state.omega_p_rad_s,
         omega_m: state.omega_m_rad_s,
         alpha: state.alpha,
-    }
-}
-
-impl State {
-    /// Oil held by chambers and nodes, kg.
-    #[must_use]
-    pub fn stored_kg(&self, plant: &Plant) -> f64 {
-        let chambers: f64 = (0..plant.chambers().min(LANES))
-            .map(|lane| self.masses.chamber[lane / WIDTH].0[lane % WIDTH])
-            .sum();
-        chambers + self.masses.node.iter().sum::<f64>()
-    }
-
-    /// Flows at this instant, kg/s; zero before the first step.
-    #[must_use]
-    pub fn flows_kg_s(&self) -> [f64; super::hydraulics::FLOWS] {
-        self.rates.flow
-    }
-
-    /// Forgets the rates, for a state that was edited from outside.
-    pub fn restart(&mut self) {
-        self.rates_known = false;
     }
 }

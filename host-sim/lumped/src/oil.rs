@@ -1,7 +1,7 @@
-//! Oil as a function of its density: pressure and its slope, from Wylie's bulk modulus and a smooth cavitation branch.
+//! Equation of state of the oil: pressure from density, by Wylie's bulk modulus and a smooth cavitation branch.
 //!
-//! The model stores mass, so it needs pressure from density, monotone down to an empty chamber. Wylie's law (paper
-//! eq. 2, p absolute)
+//! The model stores mass, so it needs pressure from density, monotone down to an empty chamber. Wylie's bulk modulus of
+//! oil with free air (Wylie and Streeter 1993; paper eq. 2; p absolute)
 //!
 //! ```text
 //! x = (p_0/p)^(1/lambda)
@@ -15,27 +15,28 @@
 //!
 //! Limits: air neither dissolves nor comes out; the mixture has one pressure and no inertia of bubbles.
 
-use crate::input::{InvalidInput, Range};
-use crate::machine::Oil;
+use crate::invalid_input::InvalidInput;
+use crate::machine::OilProperties;
+use crate::value_range::ValueRange;
 
-use super::lanes::{V4, WIDTH};
+use crate::simd::{F64x4, WIDTH};
 
 /// Standard atmosphere p_0.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// Temperatures at which oil properties are extrapolated linearly without losing their meaning.
-pub const TEMPERATURE: Range = Range::new(-40.0, 150.0, "degC");
+pub const TEMPERATURE: ValueRange = ValueRange::new(-40.0, 150.0, "degC");
 /// Upper end of the table, absolute; three times the highest pressure of the paper's tests.
 pub const MAX_PRESSURE_PA: f64 = 160.0e6;
 /// Start of the cavitation branch above vapour pressure.
 const TRANSITION_ABOVE_VAPOUR_PA: f64 = 0.02e6;
-/// Cells of the table. With 4096 pressure is met to 1e-6 of itself from 0.1 MPa absolute upwards (tested).
+/// Cells of the table. With 4096 the relative error of pressure is below 1e-6 from 0.1 MPa absolute upwards (tested).
 const CELLS: usize = 4096;
 /// Just short of the last cell's far end.
 const LAST_CELL: f64 = CELLS as f64 - 0.51;
-/// Added to a small positive number, this leaves the nearest whole number in the low bits.
+/// 2^52: added to a small positive number, it leaves the nearest integer in the low bits.
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
-/// Oil at one temperature, tabulated.
+/// Oil at one temperature, tabulated over density.
 #[derive(Debug, Clone)]
 pub struct OilTable {
     density_kg_m3: f64,
@@ -48,7 +49,7 @@ pub struct OilTable {
     rho_t: f64,
     cavitation_slope: f64,
     inv_cell: f64,
-    /// Cubics about whole multiples of the cell's width above the transition density.
+    /// Cubics about integer multiples of the cell's width above the transition density.
     cell: Box<[[f64; 4]; CELLS]>,
 }
 
@@ -57,7 +58,7 @@ impl OilTable {
     ///
     /// # Errors
     /// When the temperature is outside its range or makes a property vanish.
-    pub fn new(oil: &Oil, t_c: f64) -> Result<Self, InvalidInput> {
+    pub fn new(oil: &OilProperties, t_c: f64) -> Result<Self, InvalidInput> {
         if !TEMPERATURE.contains(t_c) {
             return Err(InvalidInput::new("oil temperature is out of range")
                 .with_value(t_c)
@@ -91,7 +92,9 @@ impl OilTable {
         Ok(table)
     }
 
-    /// Wylie's bulk modulus at absolute pressure.
+    /// Effective bulk modulus of oil with free air at an absolute pressure (Wylie and Streeter 1993; paper eq. 2).
+    #[doc(alias = "Wylie")]
+    #[doc(alias = "effective bulk modulus")]
     #[must_use]
     pub fn bulk_modulus_pa(&self, p_abs_pa: f64) -> f64 {
         let c_x = self.air_fraction * (ATMOSPHERE_PA / p_abs_pa).powf(1.0 / self.heat_capacity_ratio);
@@ -104,7 +107,8 @@ impl OilTable {
         self.density_kg_m3
     }
 
-    /// Kinematic viscosity by Walther's law.
+    /// Kinematic viscosity by Walther's law (Walther 1931; ASTM D341).
+    #[doc(alias = "Walther")]
     #[must_use]
     pub fn kinematic_viscosity_mm2_s(&self) -> f64 {
         self.kinematic_viscosity_mm2_s
@@ -133,12 +137,12 @@ impl OilTable {
     /// [`OilTable::pressure`] of four lanes.
     #[inline(always)]
     #[must_use]
-    pub fn pressure4(&self, rho: V4) -> (V4, V4) {
-        let x = (rho - V4::all(self.rho_t)) * V4::all(self.inv_cell);
-        let rounding = V4::all(ROUNDING);
-        let nearest = x.min(V4::all(LAST_CELL)).max(V4::ZERO) + rounding;
+    pub fn pressure4(&self, rho: F64x4) -> (F64x4, F64x4) {
+        let x = (rho - F64x4::all(self.rho_t)) * F64x4::all(self.inv_cell);
+        let rounding = F64x4::all(ROUNDING);
+        let nearest = x.min(F64x4::all(LAST_CELL)).max(F64x4::ZERO) + rounding;
         let t = x - (nearest - rounding);
-        let mut c = [V4::ZERO; 4];
+        let mut c = [F64x4::ZERO; 4];
         for l in 0..WIDTH {
             let cell = &self.cell[nearest.0[l].to_bits() as usize % CELLS];
             for (c, x) in c.iter_mut().zip(cell) {
@@ -147,7 +151,7 @@ impl OilTable {
         }
         let [c0, c1, c2, c3] = c;
         let mut p = c0 + t * (c1 + t * (c2 + t * c3));
-        let mut slope = (c1 + t * ((c2 + c2) + t * (V4::all(3.0) * c3))) * V4::all(self.inv_cell);
+        let mut slope = (c1 + t * ((c2 + c2) + t * (F64x4::all(3.0) * c3))) * F64x4::all(self.inv_cell);
         if x.smallest() < 0.0 {
             for l in 0..WIDTH {
                 if x.0[l] < 0.0 {
@@ -158,7 +162,7 @@ impl OilTable {
         (p, slope)
     }
 
-    /// Mixture with vapour, `x` cells below the transition.
+    /// Cavitating mixture, `x` cells below the transition.
     #[inline(never)]
     fn cavitating(&self, x: f64) -> (f64, f64) {
         let y = -x * self.cavitation_slope;
@@ -197,7 +201,8 @@ impl OilTable {
         let width = (rho_max - self.rho_t) / (CELLS as f64 - 1.0);
         self.inv_cell = 1.0 / width;
         self.cavitation_slope = width / self.rho_t * beta_t / (self.transition_pa - self.vapour_pa);
-        // Cell k reaches from k - 1/2 to k + 1/2; the first one only upwards, so its cubic is taken from its upper half.
+        // Cell k reaches from k - 1/2 to k + 1/2; the first one only upwards, so its cubic is taken from its upper
+        // half.
         let mut p = self.transition_pa;
         for k in 0..CELLS {
             let (left, right) = (if k == 0 { 0.0 } else { k as f64 - 0.5 }, k as f64 + 0.5);
@@ -244,7 +249,7 @@ impl OilTable {
 }
 
 /// Walther: log10 log10(nu + 0.7) = A - B log10(T/K).
-fn viscosity(oil: &Oil, t_c: f64) -> f64 {
+fn viscosity(oil: &OilProperties, t_c: f64) -> f64 {
     let w = oil.walther_a - oil.walther_b * (t_c + 273.15).log10();
     10f64.powf(10f64.powf(w)) - 0.7
 }
@@ -304,7 +309,7 @@ mod tests {
     fn prop_four_lanes_give_the_bits_of_one() {
         let oil = table(60.0);
         for k in 0..5000 {
-            let rho = V4([0, 1, 2, 3].map(|l| 780.0 + 0.05 * f64::from(k) + 0.01 * f64::from(l)));
+            let rho = F64x4([0, 1, 2, 3].map(|l| 780.0 + 0.05 * f64::from(k) + 0.01 * f64::from(l)));
             let (p, slope) = oil.pressure4(rho);
             for l in 0..WIDTH {
                 assert_eq!((p.0[l], slope.0[l]), oil.pressure(rho.0[l]));
@@ -330,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn temperature_out_of_range_is_refused() {
+    fn temperature_out_of_range_is_rejected() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
         let machine = Machine::load(&path).unwrap();
         for t in [-300.0, 500.0, f64::NAN] {

@@ -1,32 +1,32 @@
-//! Shafts: drive of the pump, load and friction of the motor, and the swash actuator.
+//! Shafts: drive of the pump, load and friction of the motor, swash actuator.
 //!
-//! Torques of the oil: tau = sum_i (p_i - p_c) * dV_i/dphi, positive along positive rotation; a motor is driven by it,
-//! a pump braked. Constant friction and a resistive load oppose motion and hold a shaft at rest up to their size; they
-//! act as an impulse that can stop the shaft but never turn it back (time stepping after Moreau), so no artificial
-//! speed at which friction "switches" is needed.
+//! Torque of the oil: tau = sum_i (p_i - p_c) * dV_i/dphi, positive in the direction of positive rotation; it drives a
+//! motor and brakes a pump. Coulomb friction and a resistive load oppose motion and hold a shaft at rest up to their
+//! size; they act as an impulse that can stop the shaft but never reverse it (time stepping after Moreau 1988), so no
+//! regularising speed is needed.
 
-use crate::machine::{Friction, Swash};
+use crate::machine::{ShaftFriction, SwashActuator};
 
 /// Load on the motor's shaft.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Load {
+pub enum ShaftLoad {
     /// Opposes motion with up to this torque; holds at rest, cannot drive backwards.
     ResistiveNm(f64),
     /// Constant torque against positive rotation; negative values drive the motor (overrunning).
     ConstantNm(f64),
-    /// The speed is imposed, rad/s, whatever the torque.
+    /// Imposed speed, rad/s, whatever the torque.
     SpeedRadS(f64),
 }
 
-/// What turns the pump.
+/// Drive of the pump's shaft.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drive {
-    /// Speed imposed, rad/s.
+pub enum ShaftDrive {
+    /// Imposed speed, rad/s.
     SpeedRadS(f64),
     /// Engine with a governor: torque in proportion to the lag behind `set_rad_s`, between 0 and `limit_nm`, on the
     /// pump's inertia.
     Governed {
-        /// Speed at which the governor asks for no torque.
+        /// Speed at which the governor demands no torque.
         set_rad_s: f64,
         /// Governor's gain.
         nm_s: f64,
@@ -43,7 +43,7 @@ pub enum Drive {
 /// ```
 #[inline]
 #[must_use]
-pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: Friction, resisting: f64) -> f64 {
+pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: ShaftFriction, resisting: f64) -> f64 {
     let free = omega + dt / j * (torque - friction.viscous_nm_s * omega);
     let stop = dt / j * (resisting + friction.coulomb_nm);
     free - free.signum() * free.abs().min(stop)
@@ -54,7 +54,7 @@ pub fn kick(omega: f64, dt: f64, j: f64, torque: f64, friction: Friction, resist
 /// alpha = alpha + clamp((command - alpha)*(1 - exp(-dt/T)), -rate*dt, rate*dt)
 #[inline]
 #[must_use]
-pub fn swash(alpha: f64, command: f64, dt: f64, actuator: Swash) -> f64 {
+pub fn swash(alpha: f64, command: f64, dt: f64, actuator: SwashActuator) -> f64 {
     let away = command - alpha;
     let lag =
         if actuator.time_constant_s > 0.0 { away * -(-dt / actuator.time_constant_s).exp_m1() } else { away };

@@ -1,22 +1,24 @@
-//! Coefficients of the implicit Runge-Kutta methods: explicit first stage, equal diagonal, stiffly accurate, L-stable.
+//! Butcher tableaux of the ESDIRK methods: explicit first stage, constant diagonal, stiffly accurate, L-stable.
 
-/// Most stages of any method here.
+/// Largest number of stages.
 pub const MAX_STAGES: usize = 4;
 
-/// One method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last stage is the new state.
+/// Coefficients of one method. Stage i solves m_i = m_0 + h*(sum over j below i of a_ij k_j + gamma k_i); the last
+/// stage is the new state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tableau {
+pub struct ButcherTableau {
     /// Number of stages, the explicit first one included.
     pub stages: usize,
     /// Diagonal coefficient.
     pub gamma: f64,
     /// Coefficients below the diagonal.
     pub a: [[f64; MAX_STAGES]; MAX_STAGES],
-    /// Instants of the stages.
+    /// Abscissae of the stages.
     pub c: [f64; MAX_STAGES],
 }
 
-/// Choice of method.
+/// Implicit Runge-Kutta method.
+#[doc(alias = "ESDIRK")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// TR-BDF2 (Bank et al. 1985, as ESDIRK by Hosea and Shampine 1996): order 2, two implicit stages.
@@ -29,12 +31,12 @@ pub enum Method {
 impl Method {
     /// The method's coefficients.
     #[must_use]
-    pub fn tableau(self) -> Tableau {
+    pub fn tableau(self) -> ButcherTableau {
         match self {
             Method::TrBdf2 => {
                 let gamma = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
                 let w = std::f64::consts::SQRT_2 / 4.0;
-                Tableau {
+                ButcherTableau {
                     stages: 3,
                     gamma,
                     a: [[0.0; 4], [gamma, 0.0, 0.0, 0.0], [w, w, 0.0, 0.0], [0.0; 4]],
@@ -53,7 +55,7 @@ impl Method {
                 let b2 = (r1 * c3 - r2) / (c2 * (c3 - c2));
                 let b3 = (r2 - r1 * c2) / (c3 * (c3 - c2));
                 let b1 = 1.0 - gamma - b2 - b3;
-                Tableau {
+                ButcherTableau {
                     stages: 4,
                     gamma,
                     a: [[0.0; 4], [gamma, 0.0, 0.0, 0.0], [a31, a32, 0.0, 0.0], [b1, b2, b3, 0.0]],

@@ -1,27 +1,31 @@
-//! Step response of the drive: swash from zero to a displacement, motor from rest against a resistive load (fig. 7).
+//! Step response of the drive: swash from zero to a displacement, motor from rest against a resistive load
+//! (paper fig. 7).
 
 use std::f64::consts::TAU;
 
-use crate::input::{InvalidInput, Range};
+use crate::invalid_input::InvalidInput;
+use crate::value_range::ValueRange;
 
-use super::error::SimError;
-use super::integrator::{Inputs, Integrator};
-use super::observers::MassBalance;
-use super::plant::{A, Model};
-use super::run::run;
-use super::shaft::{Drive, Load};
-use super::steady::{LoadCondition, Settings, SteadyCase, SteadyPoint};
+use crate::error::SimError;
+use crate::integrator::Integrator;
+use crate::layout::LINE_A;
+use crate::mass_balance::MassBalance;
+use crate::model::LumpedModel;
+use crate::plant_state::PlantInputs;
+use crate::shaft::{ShaftDrive, ShaftLoad};
+use crate::steady::{LoadCondition, SolverSettings, SteadyCase, SteadyPoint};
+use crate::stepping::advance;
 
-/// Simulated times that make sense for a drive.
-pub const DURATION: Range = Range::new(0.01, 60.0, "s");
-/// Band around the steady speed in which the response counts as settled.
+/// Simulated times of a step response.
+pub const DURATION: ValueRange = ValueRange::new(0.01, 60.0, "s");
+/// Settling band around the steady speed.
 const BAND: f64 = 0.02;
 /// Interval of the recorded trace.
 const SAMPLE_S: f64 = 2.0e-4;
 /// Crossings of the steady speed count only after the speed has left it by this fraction: ripple does not.
 const CROSSING: f64 = 0.002;
 
-/// A step response.
+/// Step response of the motor's speed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StepResponse {
@@ -41,41 +45,44 @@ pub struct StepResponse {
     pub trace: Vec<[f64; 4]>,
 }
 
-/// Simulates a swash step at the operating point's load for `duration_s`.
+/// Simulates a swash step at the case's load for `duration_s`.
 ///
 /// # Errors
-/// Values out of range, a load that the drive cannot turn, or a response that has not settled by the end.
+/// Values out of range, a load that the drive cannot turn, or a response outside the settling band at the end.
 pub fn swash_step(
-    model: &Model,
-    operating: &SteadyCase,
-    settings: &Settings,
+    model: &LumpedModel,
+    case: &SteadyCase,
+    settings: &SolverSettings,
     duration_s: f64,
 ) -> Result<StepResponse, SimError> {
     if !DURATION.contains(duration_s) {
         let error = InvalidInput::new("duration is out of range").with_value(duration_s);
         return Err(error.with_allowed(DURATION).into());
     }
-    let LoadCondition::LoadNm(load) = operating.condition else {
+    let LoadCondition::LoadNm(load) = case.condition else {
         return Err(InvalidInput::new("a step response needs a load, not a high pressure").into());
     };
-    let steady = SteadyPoint::solve_with(model, operating, settings)?;
-    let n_m_steady_rpm = steady.ratio * operating.n_p_rpm;
-    let plant = model.plant(operating.t_b_c, operating.kou_l_min_mpa)?;
+    let steady = SteadyPoint::solve_with(model, case, settings)?;
+    let n_m_steady_rpm = steady.ratio * case.n_p_rpm;
+    let plant = model.plant(case.t_b_c, case.kou_l_min_mpa)?;
     let mut integrator = Integrator::new(&plant, settings.method);
-    let omega_p = operating.n_p_rpm / 60.0 * TAU;
-    let inputs =
-        Inputs { drive: Drive::SpeedRadS(omega_p), load: Load::ResistiveNm(load), alpha: operating.alpha };
+    let omega_p = case.n_p_rpm / 60.0 * TAU;
+    let inputs = PlantInputs {
+        drive: ShaftDrive::SpeedRadS(omega_p),
+        load: ShaftLoad::ResistiveNm(load),
+        alpha: case.alpha,
+    };
     let mut state = integrator.initial(plant.low_pa, plant.low_pa, &inputs, 0.0, 0.0);
-    let account = MassBalance::open(&state, &plant);
+    let balance = MassBalance::from(&state, &plant);
     let h = settings.step_deg.to_radians() / omega_p;
     let per_sample = (SAMPLE_S / h).ceil().max(1.0);
     let samples = (duration_s / (per_sample * h)).ceil() as u64;
     let mut trace = Vec::new();
     for _ in 0..samples {
-        run(&mut integrator, &mut state, &inputs, h, per_sample as u64, &mut ())?;
+        advance(&mut integrator, &mut state, &inputs, h, per_sample as u64, &mut ())?;
         let gauge = |p: f64| (p - super::oil::ATMOSPHERE_PA) * 1.0e-6;
         let n_m = state.omega_m_rad_s / TAU * 60.0;
-        trace.push([state.time_s, n_m, gauge(state.p_node_pa[A]), gauge(state.p_node_pa[1 - A])]);
+        trace.push([state.time_s, n_m, gauge(state.p_node_pa[LINE_A]), gauge(state.p_node_pa[1 - LINE_A])]);
     }
     let relative = |n: f64| n / n_m_steady_rpm - 1.0;
     let settling_s = trace.iter().rev().find(|row| relative(row[1]).abs() > BAND).map_or(0.0, |row| row[0]);
@@ -89,7 +96,7 @@ pub fn swash_step(
         overshoot_pct: 100.0 * highest.max(0.0),
         settling_s,
         oscillation_hz: oscillation(trace.iter().map(|row| (row[0], relative(row[1])))),
-        mass_balance_error: account.error(&state, &plant),
+        mass_balance_error: balance.error(&state, &plant),
         sim_seconds: state.time_s,
         trace,
     })

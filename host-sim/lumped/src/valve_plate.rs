@@ -1,8 +1,8 @@
-//! Valve plate (paper fig. 3): flow area between a chamber and either kidney against the chamber's angle.
+//! Valve plate (paper fig. 3): flow area between a chamber and either kidney as a function of the chamber's angle.
 //!
 //! Angle phi of a chamber is 0 at its top dead centre (smallest volume at positive displacement). The kidney of the
-//! half turn (0, 180) deg serves expanding chambers, the other one shrinking chambers. With half port arc a, half kidney
-//! K = 90 deg - a - land, and u the angle from the kidney's middle, the area is
+//! half turn (0, 180) deg serves expanding chambers, the other one shrinking chambers. With half port arc a, half
+//! kidney K = 90 deg - a - land, and u the angle from the kidney's middle, the area is
 //!
 //! ```text
 //! inside  = K + a - |u|
@@ -11,48 +11,48 @@
 //! area    = overlap + A_groove*(reach/L)^2 * (1 - overlap/overlap_max)
 //! ```
 //!
-//! The last factor fades the groove out while the port comes over the kidney: the groove then lies beneath the same
-//! port. Two chambers on one kidney, and a chamber on both, come out of the geometry. A table of angle against area
-//! takes the formula's place where the machine file has one.
+//! The last factor removes the groove while the port covers the kidney: the groove then lies beneath the same port. Two
+//! chambers on one kidney, and a chamber on both, follow from the geometry. A table of angle against area replaces the
+//! formula where the machine file names one.
 
 use std::f64::consts::{PI, TAU};
 
-use crate::machine::{Case, Groove, PlateTable, Unit, ValvePlate};
+use crate::machine::{PistonUnit, PlateTable, PortAreas, SilencingGroove, ValvePlate};
 
-use super::lanes::{V4, WIDTH};
-use super::valves::conductance;
+use crate::simd::{F64x4, WIDTH};
+use crate::valves::conductance;
 
-/// Uniform cells over one turn to which a table is brought, so that looking up costs no search.
+/// Uniform cells per revolution to which a table is resampled, so that a look-up needs no search.
 const TABLE_CELLS: usize = 7200;
 
-/// Valve-plate constants of four chambers; areas as conductances (see [`super::valves`]).
+/// Valve-plate constants of four chambers; areas as conductances (see [`crate::valves`]).
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Ports {
+pub struct PortConductances {
     /// 1 where line A serves expanding chambers (motor), 0 where it serves shrinking ones (pump).
-    a_serves_expansion: V4,
+    a_serves_expansion: F64x4,
     /// K + a.
-    open_rad: V4,
+    open_rad: F64x4,
     /// 2*min(a, K).
-    full_rad: V4,
-    inv_full: V4,
-    conductance_per_rad: V4,
-    entry: GrooveLanes,
-    exit: GrooveLanes,
+    full_rad: F64x4,
+    inv_full: F64x4,
+    conductance_per_rad: F64x4,
+    entry: GrooveConductance,
+    exit: GrooveConductance,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct GrooveLanes {
-    arc_rad: V4,
-    inv_arc: V4,
-    conductance: V4,
+struct GrooveConductance {
+    arc_rad: F64x4,
+    inv_arc: F64x4,
+    conductance: F64x4,
 }
 
-impl Ports {
-    /// Fills one lane for a chamber of `plate`; lanes never filled stay shut.
+impl PortConductances {
+    /// Fills one lane for a chamber of `plate`; other lanes remain shut.
     pub fn set_lane(&mut self, lane: usize, plate: &ValvePlate, a_serves_expansion: bool, rho_0: f64) {
         let l = lane % WIDTH;
         self.a_serves_expansion.0[l] = f64::from(u8::from(a_serves_expansion));
-        let Case::Geometry(geometry) = &plate.case else { return };
+        let PortAreas::Geometry(geometry) = &plate.areas else { return };
         let per_mm2 = conductance(plate.discharge_coefficient, 1.0, rho_0);
         let a = 0.5 * geometry.port_arc_deg.to_radians();
         let k = 0.5 * PI - a - geometry.seal_land_deg.to_radians();
@@ -68,13 +68,13 @@ impl Ports {
     /// Conductance to line A and to line B of four chambers at angles `phi` in [0, 2 pi).
     #[inline(always)]
     #[must_use]
-    pub fn conductance(&self, phi: V4) -> (V4, V4) {
-        let (pi, tau) = (V4::all(PI), V4::all(TAU));
-        let from_middle = phi - V4::all(0.5 * PI);
+    pub fn conductance(&self, phi: F64x4) -> (F64x4, F64x4) {
+        let (pi, tau) = (F64x4::all(PI), F64x4::all(TAU));
+        let from_middle = phi - F64x4::all(0.5 * PI);
         let u = from_middle.if_above(pi, from_middle - tau, from_middle);
-        let v = u.if_above(V4::ZERO, u - pi, u + pi);
+        let v = u.if_above(F64x4::ZERO, u - pi, u + pi);
         let (expansion, compression) = (self.one_kidney(u), self.one_kidney(v));
-        let half = V4::all(0.5);
+        let half = F64x4::all(0.5);
         (
             self.a_serves_expansion.if_above(half, expansion, compression),
             self.a_serves_expansion.if_above(half, compression, expansion),
@@ -82,22 +82,23 @@ impl Ports {
     }
 
     #[inline(always)]
-    fn one_kidney(&self, u: V4) -> V4 {
+    fn one_kidney(&self, u: F64x4) -> F64x4 {
         let inside = self.open_rad - u.abs();
-        let overlap = inside.max(V4::ZERO).min(self.full_rad);
-        let leaving = u.if_above(V4::ZERO, V4::all(1.0), V4::ZERO);
-        let half = V4::all(0.5);
-        let pick = |entry: V4, exit: V4| leaving.if_above(half, exit, entry);
+        let overlap = inside.max(F64x4::ZERO).min(self.full_rad);
+        let leaving = u.if_above(F64x4::ZERO, F64x4::all(1.0), F64x4::ZERO);
+        let half = F64x4::all(0.5);
+        let pick = |entry: F64x4, exit: F64x4| leaving.if_above(half, exit, entry);
         let arc = pick(self.entry.arc_rad, self.exit.arc_rad);
         let inv_arc = pick(self.entry.inv_arc, self.exit.inv_arc);
         let groove = pick(self.entry.conductance, self.exit.conductance);
-        let reach = (inside + arc).max(V4::ZERO).min(arc) * inv_arc;
-        overlap * self.conductance_per_rad + groove * reach * reach * (V4::all(1.0) - overlap * self.inv_full)
+        let reach = (inside + arc).max(F64x4::ZERO).min(arc) * inv_arc;
+        overlap * self.conductance_per_rad
+            + groove * reach * reach * (F64x4::all(1.0) - overlap * self.inv_full)
     }
 }
 
-impl GrooveLanes {
-    fn set_lane(&mut self, l: usize, groove: &Groove, per_mm2: f64) {
+impl GrooveConductance {
+    fn set_lane(&mut self, l: usize, groove: &SilencingGroove, per_mm2: f64) {
         let arc = groove.arc_deg.to_radians();
         self.arc_rad.0[l] = arc;
         self.inv_arc.0[l] = 1.0 / arc;
@@ -105,13 +106,15 @@ impl GrooveLanes {
     }
 }
 
-/// A unit's table on uniform cells, when its valve plate has one: Conductance to line A and to line B.
+/// Conductances to line A and line B on uniform cells, where the unit's valve plate has a table.
 #[must_use]
-pub fn table_of(unit: &Unit, rho_0: f64) -> Option<Vec<[f64; 2]>> {
+pub fn table_of(unit: &PistonUnit, rho_0: f64) -> Option<Vec<[f64; 2]>> {
     let plate = unit.valve_plate.as_ref()?;
-    match &plate.case {
-        Case::Geometry(_) => None,
-        Case::Table(table) => Some(resample(table, conductance(plate.discharge_coefficient, 1.0, rho_0))),
+    match &plate.areas {
+        PortAreas::Geometry(_) => None,
+        PortAreas::Table(table) => {
+            Some(resample(table, conductance(plate.discharge_coefficient, 1.0, rho_0)))
+        }
     }
 }
 
@@ -147,12 +150,12 @@ fn resample(table: &PlateTable, per_mm2: f64) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use crate::Model;
+    use crate::LumpedModel;
     use crate::machine::Machine;
 
     fn plant(name: &str) -> crate::Plant {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines").join(name);
-        Model::new(&Machine::load(&path).unwrap()).unwrap().plant(60.0, 0.0).unwrap()
+        LumpedModel::new(&Machine::load(&path).unwrap()).unwrap().plant(60.0, 0.0).unwrap()
     }
 
     /// Reference plate: a = 14, K = 72 deg, R*w = 700 mm2/rad, groove 4 deg to 6 mm2, C_d = 0.7.

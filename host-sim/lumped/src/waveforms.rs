@@ -1,31 +1,32 @@
-//! Waveforms: one row per sample with everything that a plot may need, kept in memory and written as CSV.
+//! Waveforms: pressures, flows and torques sampled while stepping, written as CSV.
 
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use super::error::SimError;
-use super::hydraulics::{LEAK_MOTOR, LEAK_PUMP, MOTOR_A, MOTOR_B, PUMP_A, PUMP_B};
-use super::integrator::State;
-use super::lanes::WIDTH;
-use super::oil::ATMOSPHERE_PA;
-use super::plant::{A, B, C, F, Plant};
-use super::run::Observer;
+use crate::error::SimError;
+use crate::hydraulics::{MOTOR_LEAKAGE, MOTOR_TO_A, MOTOR_TO_B, PUMP_LEAKAGE, PUMP_TO_A, PUMP_TO_B};
+use crate::layout::{CHARGE_GALLERY, FLUSHING_GALLERY, LINE_A, LINE_B};
+use crate::oil::ATMOSPHERE_PA;
+use crate::plant::Plant;
+use crate::plant_state::PlantState;
+use crate::simd::WIDTH;
+use crate::stepping::StepObserver;
 
-/// Samples kept at most: at a tenth of a degree, about 280 revolutions.
-const MAX_ROWS: usize = 1_000_000;
+/// Largest number of samples: at a tenth of a degree, about 280 revolutions.
+const MAX_SAMPLES: usize = 1_000_000;
 
-/// Records every n-th step.
+/// Recorder of every n-th step.
 #[derive(Debug)]
-pub struct Recorder<'a> {
+pub struct WaveformRecorder<'a> {
     plant: &'a Plant,
     every: u64,
-    seen: u64,
-    rows: Vec<Row>,
+    steps: u64,
+    samples: Vec<WaveformSample>,
 }
 
-/// One sample. Pressures are gauge, angles count on from the start.
+/// Sample of the waveforms. Pressures are gauge, angles accumulate from the start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct WaveformSample {
     /// Time.
     pub time_s: f64,
     /// Pump angle.
@@ -50,20 +51,20 @@ pub struct Row {
     pub p_chamber_mpa: Vec<f64>,
 }
 
-impl<'a> Recorder<'a> {
-    /// Records every `every`-th step.
+impl<'a> WaveformRecorder<'a> {
+    /// Recorder of every `every`-th step.
     #[must_use]
     pub fn new(plant: &'a Plant, every: u64) -> Self {
-        Self { plant, every: every.max(1), seen: 0, rows: Vec::new() }
+        Self { plant, every: every.max(1), steps: 0, samples: Vec::new() }
     }
 
-    /// What was recorded.
+    /// Recorded samples.
     #[must_use]
-    pub fn rows(&self) -> &[Row] {
-        &self.rows
+    pub fn samples(&self) -> &[WaveformSample] {
+        &self.samples
     }
 
-    /// Writes CSV with a heading; units stand in the column names.
+    /// Writes CSV with a heading; column names carry the unit.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -83,23 +84,29 @@ impl<'a> Recorder<'a> {
             heading.push(name.into());
         }
         writer.write_record(&heading).map_err(fail)?;
-        for row in &self.rows {
-            let values = [row.time_s, row.phi_p_deg, row.phi_m_deg]
+        for sample in &self.samples {
+            let values = [sample.time_s, sample.phi_p_deg, sample.phi_m_deg]
                 .into_iter()
-                .chain(row.p_chamber_mpa.iter().copied())
-                .chain(row.p_node_mpa)
-                .chain(row.flow_l_min)
-                .chain([row.leakage_l_min, row.torque_m_nm, row.torque_p_nm, row.n_m_rpm, row.alpha]);
+                .chain(sample.p_chamber_mpa.iter().copied())
+                .chain(sample.p_node_mpa)
+                .chain(sample.flow_l_min)
+                .chain([
+                    sample.leakage_l_min,
+                    sample.torque_m_nm,
+                    sample.torque_p_nm,
+                    sample.n_m_rpm,
+                    sample.alpha,
+                ]);
             writer.write_record(values.map(|x| format!("{x:.9}"))).map_err(fail)?;
         }
         writer.flush().map_err(|e| SimError::Output(format!("{}: cannot be written: {e}", path.display())))
     }
 }
 
-impl Observer for Recorder<'_> {
-    fn see(&mut self, state: &State, _h: f64) {
-        self.seen += 1;
-        if !self.seen.is_multiple_of(self.every) || self.rows.len() >= MAX_ROWS {
+impl StepObserver for WaveformRecorder<'_> {
+    fn observe(&mut self, state: &PlantState, _h: f64) {
+        self.steps += 1;
+        if !self.steps.is_multiple_of(self.every) || self.samples.len() >= MAX_SAMPLES {
             return;
         }
         let gauge = |p: f64| (p - ATMOSPHERE_PA) * 1.0e-6;
@@ -107,13 +114,18 @@ impl Observer for Recorder<'_> {
         let l_min = |flow: usize, node: usize| {
             rates[flow] * self.plant.node_m3[node] / state.masses.node[node] * 60_000.0
         };
-        self.rows.push(Row {
+        self.samples.push(WaveformSample {
             time_s: state.time_s,
             phi_p_deg: state.phi_p_rad.to_degrees(),
             phi_m_deg: state.phi_m_rad.to_degrees(),
-            p_node_mpa: [A, B, C, F].map(|k| gauge(state.p_node_pa[k])),
-            flow_l_min: [l_min(PUMP_A, A), l_min(PUMP_B, B), l_min(MOTOR_A, A), l_min(MOTOR_B, B)],
-            leakage_l_min: (rates[LEAK_PUMP] + rates[LEAK_MOTOR]) / self.plant.case_rho * 60_000.0,
+            p_node_mpa: [LINE_A, LINE_B, CHARGE_GALLERY, FLUSHING_GALLERY].map(|k| gauge(state.p_node_pa[k])),
+            flow_l_min: [
+                l_min(PUMP_TO_A, LINE_A),
+                l_min(PUMP_TO_B, LINE_B),
+                l_min(MOTOR_TO_A, LINE_A),
+                l_min(MOTOR_TO_B, LINE_B),
+            ],
+            leakage_l_min: (rates[PUMP_LEAKAGE] + rates[MOTOR_LEAKAGE]) / self.plant.case_rho * 60_000.0,
             torque_m_nm: state.torque_m_nm,
             torque_p_nm: state.torque_p_nm,
             n_m_rpm: state.omega_m_rad_s / TAU * 60.0,

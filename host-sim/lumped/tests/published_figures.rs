@@ -1,27 +1,31 @@
-//! The full model of the shipped reference machine against the paper's published figures.
+//! Lumped model of the shipped reference machine against the published figures of the paper (docs/references.md).
 
 use std::path::Path;
 
 use kou_lumped::machine::Machine;
 use kou_lumped::transient::{StepResponse, swash_step};
-use kou_lumped::waveforms::Recorder;
-use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint, integrator::Integrator, run::run};
+use kou_lumped::waveforms::WaveformRecorder;
+use kou_lumped::{
+    LoadCondition, LumpedModel, SolverSettings, SteadyCase, SteadyPoint, integrator::Integrator,
+    stepping::advance,
+};
 
-fn model() -> Model {
+fn model() -> LumpedModel {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
-    Model::new(&Machine::load(&path).unwrap()).unwrap()
+    LumpedModel::new(&Machine::load(&path).unwrap()).unwrap()
 }
 
 fn point(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> SteadyCase {
     SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha: 1.0, kou_l_min_mpa: kou }
 }
 
-fn ratio(model: &Model, p_h_mpa: f64, kou: f64) -> f64 {
+fn ratio(model: &LumpedModel, p_h_mpa: f64, kou: f64) -> f64 {
     SteadyPoint::solve(model, &point(LoadCondition::HighPressureMpa(p_h_mpa), 2000.0, kou)).unwrap().ratio
 }
 
-fn step(model: &Model, kou: f64) -> StepResponse {
-    swash_step(model, &point(LoadCondition::LoadNm(1671.0), 2000.0, kou), &Settings::default(), 2.0).unwrap()
+fn step(model: &LumpedModel, kou: f64) -> StepResponse {
+    swash_step(model, &point(LoadCondition::LoadNm(1671.0), 2000.0, kou), &SolverSettings::default(), 2.0)
+        .unwrap()
 }
 
 /// 4 r/min is two thousandths of the ratio, the uncertainty of reading the published speeds and the load together.
@@ -47,7 +51,7 @@ fn val_paper_fig8_losses_by_compressibility() {
     }
 }
 
-/// 0.1 points: what 3 % of Kou changes, and the two published losses themselves ask for Kou 2 % apart.
+/// 0.1 points: what 3 % of Kou changes, and the two published losses correspond to values of Kou that differ by 2 %.
 #[test]
 fn val_paper_fig8_losses_by_leakage() {
     let model = model();
@@ -63,8 +67,8 @@ fn val_paper_fig7_leakage_cuts_overshoot_and_settling_time() {
     let (free, leaking) = (step(&model, 0.0), step(&model, 0.113));
     assert!(leaking.overshoot_pct < free.overshoot_pct, "{} {}", leaking.overshoot_pct, free.overshoot_pct);
     assert!(leaking.settling_s < free.settling_s, "{} {}", leaking.settling_s, free.settling_s);
-    // The step's own end must be the steady point: shaft inertia and imposed speed are two roads to one state. 3e-4 is
-    // the amplitude that beat and piston ripple have in a mean over a tenth of a second.
+    // The step response ends at the steady point, although that one is found with imposed speed. 3e-4: amplitude of
+    // beat and piston ripple in a mean over a tenth of a second.
     for response in [&free, &leaking] {
         let tail: Vec<f64> = response.trace.iter().rev().take(500).map(|row| row[1]).collect();
         let mean = tail.iter().sum::<f64>() / tail.len() as f64;
@@ -77,26 +81,26 @@ fn val_paper_fig7_leakage_cuts_overshoot_and_settling_time() {
 #[test]
 fn val_paper_fig5_ripple_at_nine_times_pump_speed_and_larger_at_higher_pressure() {
     let model = model();
-    let settings = Settings { step_deg: 0.25, ..Settings::default() };
+    let settings = SolverSettings { step_deg: 0.25, ..SolverSettings::default() };
     let mut sizes = Vec::new();
     for p in [20.0, 40.0] {
-        let operating = point(LoadCondition::HighPressureMpa(p), 1000.0, 0.058);
+        let case = point(LoadCondition::HighPressureMpa(p), 1000.0, 0.058);
         let plant = model.plant(60.0, 0.058).unwrap();
-        let (steady, mut state, inputs) =
-            SteadyPoint::solve_state(&plant, &model, &operating, &settings).unwrap();
+        let (steady, mut state, inputs) = SteadyPoint::solve_state(&plant, &model, &case, &settings).unwrap();
         sizes.push(steady.ripple_p_h_mpa);
         let mut integrator = Integrator::new(&plant, settings.method);
-        let mut recorder = Recorder::new(&plant, 1);
+        let mut recorder = WaveformRecorder::new(&plant, 1);
         state.restart();
-        // Eight revolutions, so that a line at 9 per revolution stands 0.7 away from the motor's at 9 r = 8.3.
-        let (turns, per_turn) = (8, 1440);
+        // Eight revolutions, so that the spectral line at 9 per revolution is 0.7 from the motor's at 9 r = 8.3.
+        let (revolutions, per_revolution) = (8, 1440);
         let h = 0.25 / 6.0 / 1000.0;
-        run(&mut integrator, &mut state, &inputs, h, turns * per_turn, &mut recorder).unwrap();
-        let n = recorder.rows().len() as f64;
+        advance(&mut integrator, &mut state, &inputs, h, revolutions * per_revolution, &mut recorder)
+            .unwrap();
+        let n = recorder.samples().len() as f64;
         let amplitude = |order: u64| {
             let (mut re, mut im) = (0.0, 0.0);
-            for (k, row) in recorder.rows().iter().enumerate() {
-                let angle = std::f64::consts::TAU * (order * turns) as f64 * k as f64 / n;
+            for (k, row) in recorder.samples().iter().enumerate() {
+                let angle = std::f64::consts::TAU * (order * revolutions) as f64 * k as f64 / n;
                 // Hann window: the motor's own line must not leak into the pump's.
                 let hann = 1.0 - (std::f64::consts::TAU * k as f64 / n).cos();
                 re += hann * row.p_node_mpa[0] * angle.cos();

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use kou_lumped::machine::Machine;
-use kou_lumped::{LoadCondition, Model, Settings, SteadyCase};
+use kou_lumped::{LoadCondition, LumpedModel, SolverSettings, SteadyCase};
 
 use super::failure::Failure;
 
@@ -26,14 +26,14 @@ pub struct PointArgs {
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub alpha: f64,
     /// Step, degrees of pump angle.
-    #[arg(long, default_value_t = Settings::default().step_deg, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = SolverSettings::default().step_deg, allow_negative_numbers = true)]
     pub step_deg: f64,
 }
 
 impl PointArgs {
     /// Loads the machine.
-    pub(super) fn model(&self) -> Result<Model, Failure> {
-        Ok(Model::new(&Machine::load(&self.machine)?)?)
+    pub(super) fn model(&self) -> Result<LumpedModel, Failure> {
+        Ok(LumpedModel::new(&Machine::load(&self.machine)?)?)
     }
 
     /// The case with its condition at the motor.
@@ -48,7 +48,7 @@ impl PointArgs {
     }
 
     /// Solver settings.
-    pub(super) fn settings(&self) -> Settings {
-        Settings { step_deg: self.step_deg, ..Settings::default() }
+    pub(super) fn settings(&self) -> SolverSettings {
+        SolverSettings { step_deg: self.step_deg, ..SolverSettings::default() }
     }
 }

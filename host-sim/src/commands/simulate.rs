@@ -9,9 +9,9 @@ use super::failure::Failure;
 use super::output::{print_json, print_text};
 use super::point_args::PointArgs;
 use kou_lumped::integrator::Integrator;
-use kou_lumped::run::run as run_steps;
-use kou_lumped::waveforms::Recorder;
-use kou_lumped::{LoadCondition, Settings, SteadyPoint};
+use kou_lumped::stepping::advance;
+use kou_lumped::waveforms::WaveformRecorder;
+use kou_lumped::{LoadCondition, SolverSettings, SteadyPoint};
 
 /// Step of recorded waveforms: chamber pressures are then within 0.2 % of their peak to peak (see
 /// docs/full-model/integration.md).
@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 fn write_waveforms(
     args: &Args,
-    model: &kou_lumped::Model,
+    model: &kou_lumped::LumpedModel,
     operating: &kou_lumped::SteadyCase,
     path: &std::path::Path,
 ) -> Result<(), Failure> {
@@ -109,16 +109,17 @@ fn write_waveforms(
         let error = kou_records::InputError::new("length of the waveforms is out of range");
         return Err(error.with_value(args.revolutions).with_allowed(turns).into());
     }
-    let settings = Settings { step_deg: args.point.step_deg.min(WAVEFORM_STEP_DEG), ..Settings::default() };
+    let settings =
+        SolverSettings { step_deg: args.point.step_deg.min(WAVEFORM_STEP_DEG), ..SolverSettings::default() };
     let plant = model.plant(operating.t_b_c, operating.kou_l_min_mpa)?;
     let (_, mut state, inputs) = SteadyPoint::solve_state(&plant, model, operating, &settings)?;
     state.time_s = 0.0;
     let mut integrator = Integrator::new(&plant, settings.method);
     state.restart();
-    let mut recorder = Recorder::new(&plant, 1);
+    let mut recorder = WaveformRecorder::new(&plant, 1);
     let h = settings.step_deg / 6.0 / operating.n_p_rpm;
     let steps = (args.revolutions * 360.0 / settings.step_deg).ceil() as u64;
-    run_steps(&mut integrator, &mut state, &inputs, h, steps, &mut recorder)?;
+    advance(&mut integrator, &mut state, &inputs, h, steps, &mut recorder)?;
     Ok(recorder.write_csv(path)?)
 }
 

@@ -1,47 +1,50 @@
-//! The balances of one stage solved by Newton's method, the chambers eliminated.
+//! Newton's method for one implicit stage, the chambers eliminated (Schur complement of an arrowhead matrix).
 //!
-//! One stage of the integrator asks for masses m with `m = m_star + gh * f(m)`, gh = gamma*h. Newton's method: every
-//! chamber row has only its own mass and those of the two lines, so it is eliminated into a 4 x 4 system of the nodes,
-//! solved, and substituted back: cost in proportion to the chambers. Fluxes are computed once per edge and enter both
-//! ends with opposite signs, derivatives too, so every Newton iterate conserves mass to rounding.
+//! A stage of the integrator requires masses m with `m = m_star + gh * f(m)`, gh = gamma*h. Newton's method: every
+//! chamber's row contains only its own mass and those of the two lines, so the chambers are eliminated into a 4 x 4
+//! system of the nodes, which is solved and substituted back: the cost is linear in the number of chambers. Every flow
+//! is computed once and enters both balances with opposite signs, its derivatives too, so every Newton iterate
+//! conserves mass to rounding. Derivation: docs/full-model/integration.md.
 
-use crate::lanes::{V4, WIDTH};
-use crate::plant::{A, B, C, F, GROUPS, LANES, NODES, Plant};
-use crate::valves::{self, Flow, LAMINAR_PA};
+use crate::layout::{CHARGE_GALLERY, FLUSHING_GALLERY, GROUPS, LANES, LINE_A, LINE_B, NODES};
+use crate::plant::Plant;
+use crate::simd::{F64x4, WIDTH};
+use crate::valves::{self, LAMINAR_PA, MassFlow};
 
+use super::masses::{MOTOR_TO_A, Masses, PUMP_TO_A};
 use super::nodes::{circuit, solve_nodes};
-use super::{MOTOR_A, Masses, PUMP_A, Stage};
+use super::stage::ImplicitStage;
 
-/// Newton updates of the last iteration, as a fraction of a chamber's content, at which a stage is accepted. 3e-7 is
-/// 0.4 kPa; the error left after such an update is its square over the laminar transition, some pascals.
-const ACCEPT: f64 = 1.0e-5;
-/// Iterations after which a stage is given up and the step halved.
+/// Convergence tolerance: largest Newton update as a fraction of a chamber's content. 3e-7 is 0.4 kPa; the error after
+/// such an update is its square over the laminar transition, some pascals.
+const UPDATE_TOL: f64 = 1.0e-5;
+/// Iterations after which a stage counts as not converged and the step is halved.
 const MAX_ITERATIONS: u32 = 25;
 
-/// Why a stage was given up: size of the last update and iterations made.
+/// Failure of Newton's method on one stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GaveUp {
+pub struct NotConverged {
     /// Last relative update.
     pub last_change: f64,
     /// Iterations.
     pub iterations: u32,
 }
 
-impl Stage {
+impl ImplicitStage {
     /// Solves `m = m_star + gh * f(m)` from the guess in `self.m`; afterwards `self.m` and the pressures are the
     /// solution and `self.m.flow` holds the flows.
     ///
     /// # Errors
-    /// When Newton's method does not settle within its limit.
+    /// When Newton's method does not converge within its limit of iterations.
     #[inline(always)]
-    pub fn solve(&mut self, plant: &Plant, star: &Masses, gh: f64, omega_p: f64) -> Result<(), GaveUp> {
+    pub fn solve(&mut self, plant: &Plant, star: &Masses, gh: f64, omega_p: f64) -> Result<(), NotConverged> {
         let groups = plant.groups.min(GROUPS);
         let inv_rho_0 = 1.0 / plant.oil.density_kg_m3();
         let charge = plant.charge.kg_s(omega_p);
-        let (one, half, gh4) = (V4::all(1.0), V4::all(0.5), V4::all(gh));
-        let (d, quarter_d2) = (V4::all(LAMINAR_PA), V4::all(0.25 * LAMINAR_PA * LAMINAR_PA));
-        let half_inv_rho = V4::all(0.5 * inv_rho_0);
-        let inv_rho4 = V4::all(inv_rho_0);
+        let (one, half, gh4) = (F64x4::all(1.0), F64x4::all(0.5), F64x4::all(gh));
+        let (d, quarter_d2) = (F64x4::all(LAMINAR_PA), F64x4::all(0.25 * LAMINAR_PA * LAMINAR_PA));
+        let half_inv_rho = F64x4::all(0.5 * inv_rho_0);
+        let inv_rho4 = F64x4::all(inv_rho_0);
         let mut last_change = f64::INFINITY;
         for iteration in 1..=MAX_ITERATIONS {
             self.iterations += 1;
@@ -55,8 +58,10 @@ impl Stage {
                 self.p_node[k] = p;
                 slope_n[k] = slope * inv_vn[k];
             }
-            let line = |x: &[f64; NODES], is_a: V4| is_a.if_above(half, V4::all(x[A]), V4::all(x[B]));
-            let (mut in_a, mut in_b, mut s_a, mut s_b) = (V4::ZERO, V4::ZERO, V4::ZERO, V4::ZERO);
+            let line = |x: &[f64; NODES], is_a: F64x4| {
+                is_a.if_above(half, F64x4::all(x[LINE_A]), F64x4::all(x[LINE_B]))
+            };
+            let (mut in_a, mut in_b, mut s_a, mut s_b) = (F64x4::ZERO, F64x4::ZERO, F64x4::ZERO, F64x4::ZERO);
             for g in 0..groups {
                 let group = &mut self.group[g];
                 group.rho = self.m.chamber[g] * group.inv_v;
@@ -76,7 +81,7 @@ impl Stage {
                     let w = (quarter_d2 + dp * dp).sqrt();
                     q = group.soft.if_above(half, dp / (half * d + w).sqrt(), q);
                 }
-                let out = q.if_above(V4::ZERO, one, V4::ZERO);
+                let out = q.if_above(F64x4::ZERO, one, F64x4::ZERO);
                 let rho_up = out.if_above(half, group.rho, line(&rho_n, is_a));
                 let k = group.area_1 * (one + rho_up * inv_rho4);
                 let q2 = q * q;
@@ -88,10 +93,10 @@ impl Stage {
                 let by_rho = f * half_inv_rho;
                 let d_own = g_slope * group.slope + out * by_rho * group.inv_v;
                 let d_node = (one - out) * by_rho * line(&inv_vn, is_a) - g_slope * slope_line;
-                // Leakage, eq. 3, at the density of the side it comes from.
-                let over = group.p - V4::all(plant.case_pa);
-                let leaks = over.if_above(V4::ZERO, one, V4::ZERO);
-                let rho_leak = leaks.if_above(half, group.rho, V4::all(plant.case_rho));
+                // Leakage (paper eq. 3) at the density upstream.
+                let over = group.p - F64x4::all(plant.case_pa);
+                let leaks = over.if_above(F64x4::ZERO, one, F64x4::ZERO);
+                let rho_leak = leaks.if_above(half, group.rho, F64x4::all(plant.case_rho));
                 let kou = plant.kou_m3_s_pa[g];
                 let leak = kou * rho_leak * over;
                 let d_leak = kou * (rho_leak * group.slope + leaks * over * group.inv_v);
@@ -117,8 +122,8 @@ impl Stage {
             }
             let mut inflow = [in_a.sum(), in_b.sum(), 0.0, 0.0];
             let mut matrix = [[0.0; NODES]; NODES];
-            matrix[A][A] = s_a.sum();
-            matrix[B][B] = s_b.sum();
+            matrix[LINE_A][LINE_A] = s_a.sum();
+            matrix[LINE_B][LINE_B] = s_b.sum();
             self.eliminate_bridges(&rho_n, &slope_n, &inv_vn, inv_rho_0, gh, &mut inflow, &mut matrix);
             let relative = rho_n.map(|rho| rho * inv_rho_0);
             let drains = circuit(plant, &self.p_node, &relative, &slope_n, charge, &mut inflow, &mut matrix);
@@ -131,19 +136,19 @@ impl Stage {
                 matrix[k][k] += 1.0;
             }
             let Some(change_n) = solve_nodes(&mut matrix, &mut right) else {
-                return Err(GaveUp { last_change, iterations: iteration });
+                return Err(NotConverged { last_change, iterations: iteration });
             };
             // Back substitution; the flow at which a stiff port is linearised next follows its new pressure drop.
-            let mut largest = V4::ZERO;
+            let mut largest = F64x4::ZERO;
             for g in 0..groups {
                 let group = &mut self.group[g];
                 let change_line = line(&change_n, group.main_a);
                 group.change =
-                    V4::ZERO - (group.residual + gh4 * group.d_node * change_line) * group.inv_diag;
+                    F64x4::ZERO - (group.residual + gh4 * group.d_node * change_line) * group.inv_diag;
             }
-            for second in &self.second[..self.seconds.min(LANES)] {
-                let (group, l) = (&mut self.group[second.lane / WIDTH], second.lane % WIDTH);
-                group.change.0[l] -= gh * second.d_node * change_n[second.other] * group.inv_diag.0[l];
+            for bridge in &self.bridges[..self.bridge_count.min(LANES)] {
+                let (group, l) = (&mut self.group[bridge.lane / WIDTH], bridge.lane % WIDTH);
+                group.change.0[l] -= gh * bridge.d_node * change_n[bridge.other] * group.inv_diag.0[l];
             }
             for g in 0..groups {
                 let group = &mut self.group[g];
@@ -157,16 +162,16 @@ impl Stage {
                 last_change = last_change.max(change.abs() * inv_v);
             }
             last_change *= inv_rho_0;
-            if last_change < ACCEPT {
+            if last_change < UPDATE_TOL {
                 self.finish(plant, charge, &drains, &slope_n, &change_n);
                 return Ok(());
             }
             // A chamber keeps at least a fifth of its content per iteration, so that it cannot turn negative.
-            let keep = V4::all(0.2);
+            let keep = F64x4::all(0.2);
             let mut finite = 0.0;
             for g in 0..groups {
                 let m = self.m.chamber[g];
-                finite += (self.group[g].change * V4::ZERO).sum();
+                finite += (self.group[g].change * F64x4::ZERO).sum();
                 self.m.chamber[g] = (m + self.group[g].change).max(keep * m);
             }
             for (m, change) in self.m.node.iter_mut().zip(&change_n) {
@@ -174,17 +179,17 @@ impl Stage {
                 *m = (*m + change).max(0.2 * *m);
             }
             if finite != 0.0 {
-                return Err(GaveUp { last_change, iterations: iteration });
+                return Err(NotConverged { last_change, iterations: iteration });
             }
         }
-        Err(GaveUp { last_change, iterations: MAX_ITERATIONS })
+        Err(NotConverged { last_change, iterations: MAX_ITERATIONS })
     }
 
-    /// Eliminates chambers that are open to both kidneys: their mass couples both lines.
+    /// Eliminates the chambers that are open to both kidneys: their masses couple both lines.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
-        reason = "one linear system, taken apart so that it stays in registers"
+        reason = "parts of one linear system, passed separately so that they stay in registers"
     )]
     fn eliminate_bridges(
         &mut self,
@@ -196,10 +201,10 @@ impl Stage {
         inflow: &mut [f64; NODES],
         matrix: &mut [[f64; NODES]; NODES],
     ) {
-        for second in &mut self.second[..self.seconds.min(LANES)] {
-            let (group, l) = (&mut self.group[second.lane / WIDTH], second.lane % WIDTH);
-            let other = second.other;
-            let main = B - other;
+        for bridge in &mut self.bridges[..self.bridge_count.min(LANES)] {
+            let (group, l) = (&mut self.group[bridge.lane / WIDTH], bridge.lane % WIDTH);
+            let other = bridge.other;
+            let main = LINE_B - other;
             let flow = valves::orifice(
                 group.area_2.0[l],
                 group.p.0[l],
@@ -222,28 +227,28 @@ impl Stage {
             matrix[other][other] += d_node * (1.0 + gh * (d_own_main + d_leak)) * inv_diag;
             matrix[main][other] -= d_own_main * gh * d_node * inv_diag;
             matrix[other][main] -= d_own * gh * d_main * inv_diag;
-            second.f = flow.kg_s;
-            second.d_own = d_own;
-            second.d_node = d_node;
+            bridge.f = flow.kg_s;
+            bridge.d_own = d_own;
+            bridge.d_node = d_node;
         }
     }
 
-    /// Applies the last update and takes the flows of the linearised equations, which are what the masses moved by.
+    /// Applies the last update and computes the flows of the linearised equations, by which the masses changed.
     #[inline(always)]
     fn finish(
         &mut self,
         plant: &Plant,
         charge: f64,
-        drains: &[Flow; 2],
+        drains: &[MassFlow; 2],
         slope_n: &[f64; NODES],
         change_n: &[f64; NODES],
     ) {
-        let (one, half) = (V4::all(1.0), V4::all(0.5));
-        let mut sums = [V4::ZERO; 6];
+        let (one, half) = (F64x4::all(1.0), F64x4::all(0.5));
+        let mut sums = [F64x4::ZERO; 6];
         for g in 0..plant.groups.min(GROUPS) {
             let group = &mut self.group[g];
             let is_a = group.main_a;
-            let node = is_a.if_above(half, V4::all(change_n[A]), V4::all(change_n[B]));
+            let node = is_a.if_above(half, F64x4::all(change_n[LINE_A]), F64x4::all(change_n[LINE_B]));
             group.f += group.d_own * group.change + group.d_node * node;
             let leak = group.leak + group.d_leak * group.change;
             let (to_a, to_b) = (group.f * is_a, group.f * (one - is_a));
@@ -263,9 +268,9 @@ impl Stage {
             group.rho = self.m.chamber[g] * group.inv_v;
         }
         let relief = drains[0].kg_s
-            + drains[0].d_from * slope_n[C] * change_n[C]
+            + drains[0].d_from * slope_n[CHARGE_GALLERY] * change_n[CHARGE_GALLERY]
             + drains[1].kg_s
-            + drains[1].d_from * slope_n[F] * change_n[F];
+            + drains[1].d_from * slope_n[FLUSHING_GALLERY] * change_n[FLUSHING_GALLERY];
         let mut flow = [
             charge,
             relief,
@@ -276,11 +281,11 @@ impl Stage {
             sums[4].sum(),
             sums[5].sum(),
         ];
-        for second in &self.second[..self.seconds.min(LANES)] {
-            let change = self.group[second.lane / WIDTH].change.0[second.lane % WIDTH];
-            let f = second.f + second.d_own * change + second.d_node * change_n[second.other];
-            let a_at = if second.lane < plant.pump_pistons { PUMP_A } else { MOTOR_A };
-            flow[a_at + second.other] += f;
+        for bridge in &self.bridges[..self.bridge_count.min(LANES)] {
+            let change = self.group[bridge.lane / WIDTH].change.0[bridge.lane % WIDTH];
+            let f = bridge.f + bridge.d_own * change + bridge.d_node * change_n[bridge.other];
+            let a_at = if bridge.lane < plant.pump_pistons { PUMP_TO_A } else { MOTOR_TO_A };
+            flow[a_at + bridge.other] += f;
         }
         self.m.flow = flow;
         for k in 0..NODES {

@@ -1,13 +1,10 @@
-//! The parts of a machine as plain checked values, and the collection of those that the full model needs.
+//! Parts of a machine as checked values. Ranges and defaults: `fields.rs`.
 
-use crate::input::InvalidInput;
-
-use super::Machine;
-
-/// Oil. Temperature dependence is linear about `reference_c`; its coefficients are relative changes per kelvin.
+/// Oil properties. Temperature dependence is linear about `reference_c`; its coefficients are relative changes per
+/// kelvin.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Oil {
+pub struct OilProperties {
     /// Density at the standard atmosphere and `reference_c`.
     pub density_kg_m3: f64,
     /// Bulk modulus beta_0 of the oil without air at `reference_c`.
@@ -20,21 +17,21 @@ pub struct Oil {
     pub walther_a: f64,
     /// Constant B of Walther's viscosity law.
     pub walther_b: f64,
-    /// Pressure below which no chamber can fall.
+    /// Vapour pressure, the floor of every chamber's pressure.
     pub vapour_pressure_mpa_abs: f64,
     /// Temperature at which density and bulk modulus are given.
     pub reference_c: f64,
-    /// Relative change of the bulk modulus per kelvin; negative for real oils, 0 when the file does not say.
+    /// Relative change of the bulk modulus per kelvin; negative for real oils, 0 by default.
     pub bulk_modulus_per_k: f64,
-    /// Relative change of the density per kelvin; negative for real oils, 0 when the file does not say.
+    /// Relative change of the density per kelvin; negative for real oils, 0 by default.
     pub density_per_k: f64,
 }
 
-/// Circuit: the two pressures every model needs, and the dynamics for the full model.
+/// Circuit: the two pressures that every model needs, and the dynamics for the lumped model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Circuit {
-    /// Gauge pressure at which the low line is held.
+    /// Gauge pressure of the low line.
     pub low_pressure_mpa: f64,
     /// Gauge pressure in the cases of pump and motor.
     pub case_pressure_mpa: f64,
@@ -54,31 +51,31 @@ pub struct CircuitDynamics {
     pub charge_gallery_volume_cm3: f64,
     /// Volume between shuttle valve 9 and relief valve 10.
     pub flushing_gallery_volume_cm3: f64,
-    /// Gear pump 3.
+    /// Charge pump 3.
     pub charge_pump: ChargePump,
     /// Relief valve 4, from the charge gallery to the case.
-    pub charge_relief: Relief,
+    pub charge_relief: ReliefValve,
     /// Check valves 5 and 6, from the charge gallery into either line.
-    pub check_valve: CheckValve,
+    pub check_valve: OpeningValve,
     /// Shuttle valve 9, from the line that is low to the flushing gallery.
-    pub shuttle: Shuttle,
+    pub shuttle: OpeningValve,
     /// Relief valve 10, from the flushing gallery to the case.
-    pub flushing_relief: Relief,
+    pub flushing_relief: ReliefValve,
     /// Relief valves from each line to the charge gallery, when fitted.
-    pub high_relief: Option<Relief>,
+    pub high_relief: Option<ReliefValve>,
 }
 
-/// Gear pump 3. A displacement of 0 is a charge circuit that is shut off.
+/// Charge pump 3. A displacement of 0 shuts the charge circuit off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ChargePump {
     /// Displacement per revolution of its own shaft.
     pub displacement_cm3_per_rev: f64,
-    /// What turns it.
+    /// Drive of its shaft.
     pub drive: ChargeDrive,
 }
 
-/// What turns the charge pump.
+/// Drive of the charge pump.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ChargeDrive {
     /// A motor of its own at this speed, r/min.
@@ -90,7 +87,7 @@ pub enum ChargeDrive {
 /// Relief valve: shut below cracking, then flow in proportion to the pressure above it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Relief {
+pub struct ReliefValve {
     /// Pressure difference across the valve at which it passes `rated_flow_l_min`.
     pub setting_mpa: f64,
     /// Flow at the setting.
@@ -99,34 +96,25 @@ pub struct Relief {
     pub override_mpa: f64,
 }
 
-/// Check valve: shut below cracking, area growing linearly to the full area.
+/// Valve whose flow area grows with a pressure difference: shut below cracking, fully open above.
+///
+/// A check valve opens by the difference across itself; the low side of the shuttle valve by the difference between the
+/// lines.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct CheckValve {
+pub struct OpeningValve {
     /// Pressure difference at which it starts to open.
     pub crack_mpa: f64,
     /// Pressure difference at which it is fully open.
     pub full_open_mpa: f64,
-    /// Full flow area.
+    /// Flow area when fully open.
     pub area_mm2: f64,
 }
 
-/// Shuttle valve: both sides shut around the middle, the side of the lower line open when the lines differ enough.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct Shuttle {
-    /// Pressure difference between the lines at which the low side starts to open.
-    pub crack_mpa: f64,
-    /// Pressure difference between the lines at which the low side is fully open.
-    pub full_open_mpa: f64,
-    /// Full flow area.
-    pub area_mm2: f64,
-}
-
-/// Pump or motor.
+/// Axial-piston unit: pump or motor.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub struct Unit {
+pub struct PistonUnit {
     /// Displacement per revolution at full swash.
     pub displacement_cm3_per_rev: f64,
     /// Number of pistons.
@@ -138,12 +126,12 @@ pub struct Unit {
     /// Moment of inertia of the shaft with everything rigidly on it.
     pub inertia_kg_m2: Option<f64>,
     /// Shaft friction.
-    pub friction: Friction,
+    pub friction: ShaftFriction,
     /// Swash actuator, when the file has it (pump).
-    pub swash: Option<Swash>,
+    pub swash: Option<SwashActuator>,
 }
 
-impl Unit {
+impl PistonUnit {
     /// Stroke volume V_s of one piston at full swash: D/Z.
     #[must_use]
     pub fn stroke_volume_cm3(&self) -> f64 {
@@ -154,7 +142,7 @@ impl Unit {
 /// Shaft friction torque: a constant part against the motion and a part in proportion to speed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
-pub struct Friction {
+pub struct ShaftFriction {
     /// Constant part.
     pub coulomb_nm: f64,
     /// Part in proportion to speed.
@@ -164,7 +152,7 @@ pub struct Friction {
 /// Swash actuator: first-order lag with a limited rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Swash {
+pub struct SwashActuator {
     /// Time constant of the lag; 0 is a pure ramp.
     pub time_constant_s: f64,
     /// Largest rate, full displacements per second.
@@ -177,13 +165,13 @@ pub struct Swash {
 pub struct ValvePlate {
     /// Discharge coefficient C_d of the ports.
     pub discharge_coefficient: f64,
-    /// Where the areas come from.
-    pub case: Case,
+    /// Source of the port areas.
+    pub areas: PortAreas,
 }
 
-/// Where a valve plate's areas come from.
+/// Source of a valve plate's areas.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Case {
+pub enum PortAreas {
     /// Cylinder port, kidneys, lands and grooves.
     Geometry(PlateGeometry),
     /// Angle against area, as it comes from CAD or CFD.
@@ -202,23 +190,23 @@ pub struct PlateGeometry {
     pub kidney_width_mm: f64,
     /// Angle between the edge of a cylinder port at dead centre and the nearest kidney edge.
     pub seal_land_deg: f64,
-    /// Groove at the end of a kidney that a chamber meets first when the shaft turns forward.
-    pub entry_groove: Groove,
-    /// Groove at the end that it leaves last.
-    pub exit_groove: Groove,
+    /// Groove at the end of a kidney that a chamber meets first in forward rotation.
+    pub entry_groove: SilencingGroove,
+    /// Groove at the end of a kidney that a chamber leaves last.
+    pub exit_groove: SilencingGroove,
 }
 
 /// Silencing groove: area grows with the square of the angle by which the port has reached into it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Groove {
+pub struct SilencingGroove {
     /// Angle by which it reaches from the kidney's edge into the land.
     pub arc_deg: f64,
     /// Area where it meets the kidney.
     pub area_mm2: f64,
 }
 
-/// Areas against angle over one turn; first and last row are one turn apart.
+/// Areas against angle over one revolution; the first and the last row describe the same angle.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PlateTable {
@@ -230,11 +218,11 @@ pub struct PlateTable {
     pub area_b_mm2: Vec<f64>,
 }
 
-/// What receives the pump's flow.
+/// Receiver of the pump's flow.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Receiver {
+pub enum FlowReceiver {
     /// A piston motor.
-    Motor(Unit),
+    Motor(PistonUnit),
     /// A flow meter at the pump's outlet.
     FlowMeter(FlowMeter),
 }
@@ -243,56 +231,24 @@ pub enum Receiver {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct FlowMeter {
-    /// Displacement, per revolution, of the ideal motor that stands for the meter.
+    /// Displacement, per revolution, of the ideal motor that represents the meter.
     pub reference_displacement_cm3_per_rev: f64,
 }
 
-/// The parts that only the full model needs, all present.
+/// Parts that only the lumped model needs, all present.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
-pub struct FullParts<'a> {
+pub struct LumpedParts<'a> {
     /// Volumes and valves.
     pub dynamics: &'a CircuitDynamics,
     /// The pump's valve plate.
     pub pump_plate: &'a ValvePlate,
     /// The pump's swash actuator.
-    pub swash: Swash,
+    pub swash: SwashActuator,
     /// Motor.
-    pub motor: &'a Unit,
+    pub motor: &'a PistonUnit,
     /// The motor's valve plate.
     pub motor_plate: &'a ValvePlate,
     /// The motor's inertia.
     pub motor_inertia_kg_m2: f64,
-}
-
-/// Collects what the full model needs, or names everything that is missing.
-pub(super) fn full(machine: &Machine) -> Result<FullParts<'_>, InvalidInput> {
-    let mut missing = Vec::new();
-    let dynamics = machine.circuit.dynamics.as_ref();
-    let pump_plate = machine.pump.valve_plate.as_ref();
-    let swash = machine.pump.swash;
-    let motor = machine.motor();
-    let motor_plate = motor.and_then(|m| m.valve_plate.as_ref());
-    let inertia = motor.and_then(|m| m.inertia_kg_m2);
-    let mut note = |absent: bool, what: &'static str| {
-        if absent {
-            missing.push(what);
-        }
-    };
-    note(dynamics.is_none(), "[circuit.dynamics]");
-    note(pump_plate.is_none(), "[pump.valve_plate]");
-    note(swash.is_none(), "[pump.swash]");
-    note(motor.is_none(), "[motor]");
-    note(motor_plate.is_none(), "[motor.valve_plate]");
-    note(inertia.is_none(), "motor.inertia_kg_m2");
-    match (dynamics, pump_plate, swash, motor, motor_plate, inertia) {
-        (Some(dynamics), Some(pump_plate), Some(swash), Some(motor), Some(motor_plate), Some(inertia)) => {
-            Ok(FullParts { dynamics, pump_plate, swash, motor, motor_plate, motor_inertia_kg_m2: inertia })
-        }
-        _ => Err(InvalidInput::new(format!(
-            "the full model of machine `{}` needs {}, which its file does not have",
-            machine.name,
-            missing.join(", ")
-        ))),
-    }
 }

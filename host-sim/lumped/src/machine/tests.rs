@@ -1,9 +1,9 @@
-//! The shipped machines load; every kind of bad file is refused with its place, value and range.
+//! Machine file: the shipped machines load; invalid files are rejected with position, value and range.
 
 use std::path::{Path, PathBuf};
 
 use super::{Machine, plate_table};
-use crate::input::TomlFile;
+use crate::invalid_input::InvalidInput;
 
 const REFERENCE: &str = include_str!("../../../machines/reference.toml");
 
@@ -11,8 +11,8 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines").join(name)
 }
 
-fn load(text: &str) -> Result<Machine, crate::input::InvalidInput> {
-    Machine::from_toml(&TomlFile::from_text(Path::new("m.toml"), text.to_string())?)
+fn load(text: &str) -> Result<Machine, InvalidInput> {
+    Machine::from_text(Path::new("m.toml"), text)
 }
 
 /// The reference file with one piece of text replaced, which must be there.
@@ -26,7 +26,7 @@ fn shipped_machines_load_and_are_complete() {
     for (name, pistons) in [("reference.toml", 9), ("seven-piston.toml", 7)] {
         let machine = Machine::load(&shipped(name)).unwrap();
         assert_eq!(machine.pump().pistons, pistons);
-        assert!(machine.full().is_ok());
+        assert!(machine.lumped_parts().is_ok());
     }
 }
 
@@ -39,14 +39,14 @@ fn rig_without_a_motor_needs_only_the_reduced_models_values() {
         [flow_meter]\nreference_displacement_cm3_per_rev = 10.0\n";
     let machine = load(text).unwrap();
     assert!((machine.reference_displacement_cm3_per_rev() - 10.0).abs() < 1e-12);
-    let error = machine.full().unwrap_err().to_string();
+    let error = machine.lumped_parts().unwrap_err().to_string();
     for part in ["[circuit.dynamics]", "[pump.valve_plate]", "[pump.swash]", "[motor]"] {
         assert!(error.contains(part), "{error}");
     }
 }
 
 #[test]
-fn every_bad_value_is_refused_with_line_value_and_range() {
+fn every_bad_value_is_rejected_with_line_value_and_range() {
     let cases = [
         ("dead_volume_cm3 = 10.03 ", "dead_volume_cm3 = -10.03 ", "pump.dead_volume_cm3", "-10.03"),
         ("bulk_modulus_mpa = 1314.0", "bulk_modulus_mpa = nan", "oil.bulk_modulus_mpa", "NaN"),
@@ -60,17 +60,17 @@ fn every_bad_value_is_refused_with_line_value_and_range() {
     for (from, to, key, value) in cases {
         let error = load(&edited(from, to)).unwrap_err();
         let shown = error.to_string();
-        assert!(error.line.is_some(), "{shown}");
+        assert!(error.line().is_some(), "{shown}");
         assert!(shown.contains(key) && shown.contains(value), "{shown}");
         assert!(error.allowed.is_some(), "{shown}");
     }
 }
 
 #[test]
-fn unknown_missing_and_doubled_keys_are_refused() {
+fn unknown_missing_and_exclusive_keys_are_rejected() {
     let unknown = load(&edited("air_fraction = 0.002", "air_fraction = 0.002\nair_content = 1")).unwrap_err();
     assert!(unknown.to_string().contains("air_content"), "{unknown}");
-    assert!(unknown.line.is_some());
+    assert!(unknown.line().is_some());
     let missing = load(&edited("bulk_modulus_mpa = 1314.0", "")).unwrap_err();
     assert!(missing.to_string().contains("bulk_modulus_mpa"), "{missing}");
     let doubled = load(&format!("{REFERENCE}\n[flow_meter]\nreference_displacement_cm3_per_rev = 10.0\n"));
@@ -80,7 +80,7 @@ fn unknown_missing_and_doubled_keys_are_refused() {
 }
 
 #[test]
-fn kidney_that_never_opens_is_refused() {
+fn kidney_that_never_opens_is_rejected() {
     let text = edited("port_arc_deg = 28.0", "port_arc_deg = 39.0").replacen(
         "seal_land_deg = 4.0",
         "seal_land_deg = 60.0",
@@ -110,7 +110,7 @@ fn plate_table_is_checked_row_by_row() {
     ] {
         let error = parse(&bad).unwrap_err();
         assert!(error.to_string().contains(what), "{error}");
-        assert_eq!(error.line, line, "{error}");
+        assert_eq!(error.line(), line, "{error}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Conditions of the paper's figures, and the solutions that several of them share.
 
 use kou_lumped::transient::{StepResponse, swash_step};
-use kou_lumped::{LoadCondition, Model, Settings, SteadyCase, SteadyPoint};
+use kou_lumped::{LoadCondition, LumpedModel, SolverSettings, SteadyCase, SteadyPoint};
 use rayon::prelude::*;
 
 use crate::commands::failure::Failure;
@@ -32,13 +32,13 @@ pub(super) fn steady_case(condition: LoadCondition, n_p_rpm: f64, kou: f64) -> S
 }
 
 /// Step response of fig. 7.
-pub(super) fn step_response(model: &Model, kou: f64) -> Result<StepResponse, Failure> {
+pub(super) fn step_response(model: &LumpedModel, kou: f64) -> Result<StepResponse, Failure> {
     let point = steady_case(LoadCondition::LoadNm(LOAD_NM), SPEED_RPM, kou);
-    Ok(swash_step(model, &point, &Settings::default(), 2.0)?)
+    Ok(swash_step(model, &point, &SolverSettings::default(), 2.0)?)
 }
 
 /// Steady ratios of fig. 8, 10 to 50 MPa.
-pub(super) fn ratio_rows(model: &Model) -> Result<Vec<RatioRow>, Failure> {
+pub(super) fn ratio_rows(model: &LumpedModel) -> Result<Vec<RatioRow>, Failure> {
     let pressures: Vec<f64> = (0..=16).map(|k| 10.0 + 2.5 * f64::from(k)).collect();
     pressures
         .into_par_iter()

@@ -2,10 +2,10 @@
 
 use kou_lumped::integrator::Integrator;
 use kou_lumped::oil::ATMOSPHERE_PA;
-use kou_lumped::run::run as run_steps;
+use kou_lumped::stepping::advance;
 use kou_lumped::transient::StepResponse;
-use kou_lumped::waveforms::Recorder;
-use kou_lumped::{LoadCondition, Model, Settings, SteadyPoint};
+use kou_lumped::waveforms::WaveformRecorder;
+use kou_lumped::{LoadCondition, LumpedModel, SolverSettings, SteadyPoint};
 
 use super::conditions::{KOU_LOSS, KOU_RIPPLE, KOU_STEP, RIPPLE_RPM, RatioRow, T_B_C, steady_case};
 use crate::commands::failure::Failure;
@@ -18,7 +18,7 @@ pub(super) struct PaperFigure {
     pub(super) chart: Chart,
 }
 
-pub(super) fn port_areas(model: &Model) -> Result<PaperFigure, Failure> {
+pub(super) fn port_areas(model: &LumpedModel) -> Result<PaperFigure, Failure> {
     let plant = model.plant(T_B_C, 0.0)?;
     let cd = model.machine().pump().valve_plate.as_ref().map_or(1.0, |plate| plate.discharge_coefficient);
     let pitch = 360.0 / model.machine().pump().pistons as f64;
@@ -41,7 +41,7 @@ pub(super) fn port_areas(model: &Model) -> Result<PaperFigure, Failure> {
     })
 }
 
-pub(super) fn bulk_modulus(model: &Model) -> Result<PaperFigure, Failure> {
+pub(super) fn bulk_modulus(model: &LumpedModel) -> Result<PaperFigure, Failure> {
     let oil = model.oil(T_B_C)?;
     let points = (0..=600).map(|k| {
         let p = 0.1 * f64::from(k);
@@ -59,8 +59,8 @@ pub(super) fn bulk_modulus(model: &Model) -> Result<PaperFigure, Failure> {
     })
 }
 
-pub(super) fn ripple(model: &Model) -> Result<PaperFigure, Failure> {
-    let settings = Settings { step_deg: 0.1, ..Settings::default() };
+pub(super) fn ripple(model: &LumpedModel) -> Result<PaperFigure, Failure> {
+    let settings = SolverSettings { step_deg: 0.1, ..SolverSettings::default() };
     let mut series = Vec::new();
     for p in [20.0, 40.0] {
         let operating = steady_case(LoadCondition::HighPressureMpa(p), RIPPLE_RPM, KOU_RIPPLE);
@@ -69,11 +69,11 @@ pub(super) fn ripple(model: &Model) -> Result<PaperFigure, Failure> {
         let mut integrator = Integrator::new(&plant, settings.method);
         let (start_s, h) = (state.time_s, settings.step_deg / 6.0 / RIPPLE_RPM);
         state.restart();
-        let mut recorder = Recorder::new(&plant, 1);
-        run_steps(&mut integrator, &mut state, &inputs, h, 1200, &mut recorder)?;
+        let mut recorder = WaveformRecorder::new(&plant, 1);
+        advance(&mut integrator, &mut state, &inputs, h, 1200, &mut recorder)?;
         series.push(Series::line(
             format!("p_H = {p} MPa"),
-            recorder.rows().iter().map(|row| (row.time_s - start_s, row.p_node_mpa[0] - p)),
+            recorder.samples().iter().map(|row| (row.time_s - start_s, row.p_node_mpa[0] - p)),
         ));
     }
     Ok(PaperFigure {

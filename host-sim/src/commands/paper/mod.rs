@@ -10,7 +10,7 @@ mod figures;
 
 use std::path::PathBuf;
 
-use kou_lumped::Model;
+use kou_lumped::LumpedModel;
 use kou_lumped::machine::Machine;
 use serde::Serialize;
 
@@ -47,7 +47,7 @@ struct PaperReport {
 /// # Errors
 /// Bad input, a file that cannot be written, or a computed value outside the published one's tolerance.
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let model = Model::new(&Machine::load(&args.machine)?)?;
+    let model = LumpedModel::new(&Machine::load(&args.machine)?)?;
     create_folder(&args.out)?;
     let bar = progress("paper");
     let (free, leaking) = (step_response(&model, 0.0)?, step_response(&model, KOU_STEP)?);

@@ -12,14 +12,16 @@ use kou_estimator::{Calibration, Params};
 use super::error::LoopError;
 use super::scenario::{DriverCommand, Scenario, VehicleModel};
 use crate::synth::kou_truth;
-use kou_lumped::integrator::{Inputs, Integrator, State};
+use kou_lumped::integrator::Integrator;
+use kou_lumped::layout::{LINE_A, LINE_B};
 use kou_lumped::machine::Machine;
 use kou_lumped::oil::ATMOSPHERE_PA;
-use kou_lumped::plant::{A, B};
-use kou_lumped::run::{Observer, run};
-use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::plant_state::{PlantInputs, PlantState};
+
+use kou_lumped::shaft::{ShaftDrive, ShaftLoad};
+use kou_lumped::stepping::{StepObserver, advance};
 use kou_lumped::tableau::Method;
-use kou_lumped::{Model, Plant};
+use kou_lumped::{LumpedModel, Plant};
 use kou_records::InputError;
 
 /// Milliseconds between two updates of the true leakage.
@@ -96,9 +98,9 @@ fn truth_at(machine: &Machine, command: &DriverCommand, p_h_mpa: f64) -> f64 {
 /// Vehicle of the lumped model.
 pub struct LumpedVehicle {
     machine: Machine,
-    model: Model,
+    model: LumpedModel,
     plant: Plant,
-    state: State,
+    state: PlantState,
     kou: f64,
     high_mpa: f64,
     ms: u64,
@@ -109,23 +111,23 @@ struct AngleRecorder<'a> {
     into: &'a mut Vec<[f64; 3]>,
 }
 
-impl Observer for AngleRecorder<'_> {
-    fn see(&mut self, state: &State, _: f64) {
+impl StepObserver for AngleRecorder<'_> {
+    fn observe(&mut self, state: &PlantState, _: f64) {
         self.into.push([state.time_s - self.begin_s, state.phi_p_rad / TAU, state.phi_m_rad / TAU]);
     }
 }
 
-fn inputs(command: &DriverCommand) -> Inputs {
-    Inputs {
-        drive: Drive::SpeedRadS(command.n_p_rpm / 60.0 * TAU),
-        load: Load::ResistiveNm(command.load_nm),
+fn inputs(command: &DriverCommand) -> PlantInputs {
+    PlantInputs {
+        drive: ShaftDrive::SpeedRadS(command.n_p_rpm / 60.0 * TAU),
+        load: ShaftLoad::ResistiveNm(command.load_nm),
         alpha: command.alpha,
     }
 }
 
 impl LumpedVehicle {
     fn new(machine: &Machine, first: &DriverCommand) -> Result<Self, LoopError> {
-        let model = Model::new(machine)?;
+        let model = LumpedModel::new(machine)?;
         let kou = truth_at(machine, first, 0.0);
         let plant = model.plant(first.t_b_c.round(), kou)?;
         let low_pa = machine.circuit().low_pressure_mpa * 1.0e6 + ATMOSPHERE_PA;
@@ -148,9 +150,9 @@ impl LumpedVehicle {
         let mut turns = vec![[0.0, self.state.phi_p_rad / TAU, self.state.phi_m_rad / TAU]];
         let mut angles = AngleRecorder { begin_s: self.state.time_s, into: &mut turns };
         let mut integrator = Integrator::new(&self.plant, Method::TrBdf2);
-        run(&mut integrator, &mut self.state, &inputs, 1e-3 / steps, steps as u64, &mut angles)?;
+        advance(&mut integrator, &mut self.state, &inputs, 1e-3 / steps, steps as u64, &mut angles)?;
         let gauge = |line: usize| (self.state.p_node_pa[line] - ATMOSPHERE_PA) * 1.0e-6;
-        let lines_mpa = [gauge(A), gauge(B)];
+        let lines_mpa = [gauge(LINE_A), gauge(LINE_B)];
         // Mean over some periods of the ripple, on which the leakage depends.
         self.high_mpa += 0.02 * (lines_mpa[0].max(lines_mpa[1]) - self.high_mpa);
         Ok(VehicleTruth {

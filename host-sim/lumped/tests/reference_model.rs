@@ -1,20 +1,21 @@
-//! The full model against a referee: the same physics written down a second time, in pressures after the paper's eq. 1,
-//! and integrated by a library (diffsol, variable-order BDF, tight tolerance).
+//! The lumped model against an independent reference model: the same physics formulated in pressures (paper eq. 1) and
+//! integrated by a library (diffsol, variable-order BDF, tight tolerance).
 //!
-//! The referee shares the machine file's values and the laws' definitions with the model, but no line of code: its own
-//! valve plate, oil, valves and shaft, volume balances instead of mass balances, another method.
+//! The reference model shares the machine file's values and the definitions of the laws with the lumped model, but no
+//! line of code: its own valve plate, oil, valves and shaft, volume balances instead of mass balances, another method.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use diffsol::{MatrixCommon, NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod};
-use kou_lumped::integrator::{Inputs, Integrator, State};
-use kou_lumped::lanes::WIDTH;
-use kou_lumped::machine::{Case, ChargeDrive, Machine, PlateGeometry, Unit};
-use kou_lumped::run::{Observer, run};
-use kou_lumped::shaft::{Drive, Load};
+use kou_lumped::integrator::Integrator;
+use kou_lumped::machine::{ChargeDrive, Machine, PistonUnit, PlateGeometry, PortAreas};
+use kou_lumped::plant_state::{PlantInputs, PlantState};
+use kou_lumped::shaft::{ShaftDrive, ShaftLoad};
+use kou_lumped::simd::WIDTH;
+use kou_lumped::stepping::{StepObserver, advance};
 use kou_lumped::tableau::Method;
-use kou_lumped::{LoadCondition, Model, SteadyCase, SteadyPoint};
+use kou_lumped::{LoadCondition, LumpedModel, SteadyCase, SteadyPoint};
 
 /// Speed, pressure, Kou, displacement: across the envelope, both directions, partial displacement.
 const POINTS: [(f64, f64, f64, f64); 10] = [
@@ -34,7 +35,7 @@ const P_0: f64 = 0.101_325;
 const SAMPLES: usize = 360;
 
 /// Density over density at p_0 by eq. 2, absolute MPa: ln = ln((1+c)/(1+c x)) + 1/beta_0 * integral dp/(1 + c x).
-struct Oil {
+struct ReferenceOil {
     beta_0: f64,
     c: f64,
     lambda: f64,
@@ -44,7 +45,7 @@ struct Oil {
 
 const TABLE_STEP: f64 = 0.002;
 
-impl Oil {
+impl ReferenceOil {
     fn new(machine: &Machine) -> Self {
         let oil = machine.oil();
         let mut this = Self {
@@ -82,9 +83,9 @@ impl Oil {
     }
 }
 
-struct Referee<'a> {
+struct ReferenceModel<'a> {
     machine: &'a Machine,
-    oil: Oil,
+    oil: ReferenceOil,
     kou: f64,
     alpha: f64,
     omega_p: f64,
@@ -92,7 +93,7 @@ struct Referee<'a> {
     load_nm: f64,
 }
 
-/// Area, mm2, from a kidney whose middle stands at `middle` of the chamber's turn.
+/// Area, mm2, to a kidney whose middle is at the angle `middle`.
 fn area(g: &PlateGeometry, phi: f64, middle: f64) -> f64 {
     let mut u = (phi - middle).rem_euclid(TAU);
     if u > PI {
@@ -100,25 +101,25 @@ fn area(g: &PlateGeometry, phi: f64, middle: f64) -> f64 {
     }
     let a = 0.5 * g.port_arc_deg.to_radians();
     let k = PI / 2.0 - a - g.seal_land_deg.to_radians();
-    let most = 2.0 * a.min(k);
+    let full = 2.0 * a.min(k);
     let inside = k + a - u.abs();
-    let overlap = inside.clamp(0.0, most);
+    let overlap = inside.clamp(0.0, full);
     let groove = if u > 0.0 { &g.exit_groove } else { &g.entry_groove };
     let arc = groove.arc_deg.to_radians();
     let reach = ((inside + arc) / arc).clamp(0.0, 1.0);
     g.kidney_radius_mm * g.kidney_width_mm * overlap
-        + groove.area_mm2 * reach.powi(2) * (1.0 - overlap / most)
+        + groove.area_mm2 * reach.powi(2) * (1.0 - overlap / full)
 }
 
-fn geometry(unit: &Unit) -> (&PlateGeometry, f64) {
+fn geometry(unit: &PistonUnit) -> (&PlateGeometry, f64) {
     let plate = unit.valve_plate.as_ref().unwrap();
-    match &plate.case {
-        Case::Geometry(g) => (g, plate.discharge_coefficient),
-        Case::Table(_) => panic!("the referee knows geometry only"),
+    match &plate.areas {
+        PortAreas::Geometry(g) => (g, plate.discharge_coefficient),
+        PortAreas::Table(_) => panic!("the reference model has no area tables"),
     }
 }
 
-impl Referee<'_> {
+impl ReferenceModel<'_> {
     /// Mass flow of an orifice, kg/s; area in mm2, pressures in MPa.
     fn orifice(&self, cd_area: f64, p: f64, q: f64) -> f64 {
         if cd_area == 0.0 {
@@ -131,7 +132,7 @@ impl Referee<'_> {
         cd_area * 1e-6 * root * dp / s.sqrt()
     }
 
-    fn relief(&self, valve: &kou_lumped::machine::Relief, dp: f64) -> f64 {
+    fn relief(&self, valve: &kou_lumped::machine::ReliefValve, dp: f64) -> f64 {
         let above = dp - (valve.setting_mpa - valve.override_mpa);
         let round = 0.1 * valve.override_mpa;
         let gain = self.oil.rho_0 * valve.rated_flow_l_min / 60_000.0 / (0.95 * valve.override_mpa);
@@ -149,7 +150,8 @@ impl Referee<'_> {
         t * t * (3.0 - 2.0 * t)
     }
 
-    /// State: chambers of pump and motor, lines A and B, charge and flushing gallery (absolute MPa), motor speed and angle.
+    /// State: chambers of pump and motor, lines A and B, charge and flushing gallery (absolute MPa), motor speed and
+    /// angle.
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         let (pump, motor) = (self.machine.pump(), self.machine.motor().unwrap());
         let dynamics = self.machine.circuit().dynamics.as_ref().unwrap();
@@ -196,7 +198,9 @@ impl Referee<'_> {
             net[line] -= f;
             net[3] += f;
         }
-        let ChargeDrive::OwnSpeedRpm(rpm) = dynamics.charge_pump.drive else { panic!("own drive only") };
+        let ChargeDrive::OwnSpeedRpm(rpm) = dynamics.charge_pump.drive else {
+            panic!("the reference model has a charge pump with its own drive only")
+        };
         net[2] += self.oil.rho_0 * dynamics.charge_pump.displacement_cm3_per_rev * 1e-6 * rpm / 60.0;
         net[2] -= self.relief(&dynamics.charge_relief, p[2] - case);
         net[3] -= self.relief(&dynamics.flushing_relief, p[3] - case);
@@ -245,7 +249,8 @@ impl Referee<'_> {
             .init(move |_p, _t, y| y.copy_from_slice(&first), n)
             .build()
             .unwrap();
-        // Ports that open are corners: there the step is cut until the corner is passed, some thousand times per turn.
+        // Ports that open are corners: there the step is cut until the corner is passed, some thousand times per
+        // revolution.
         problem.ode_options.max_nonlinear_solver_failures = 1_000_000;
         let times: Vec<f64> = (1..=SAMPLES).map(|k| TAU / self.omega_p * k as f64 / SAMPLES as f64).collect();
         let mut solver = problem.bdf::<NalgebraLU<f64>>().unwrap();
@@ -255,23 +260,23 @@ impl Referee<'_> {
     }
 }
 
-struct Samples {
+struct StateSamples {
     every: u64,
-    seen: u64,
+    steps: u64,
     rows: Vec<Vec<f64>>,
     chambers: usize,
 }
 
-impl Observer for Samples {
-    fn see(&mut self, state: &State, _h: f64) {
-        self.seen += 1;
-        if self.seen.is_multiple_of(self.every) {
+impl StepObserver for StateSamples {
+    fn observe(&mut self, state: &PlantState, _h: f64) {
+        self.steps += 1;
+        if self.steps.is_multiple_of(self.every) {
             self.rows.push(columns(state, self.chambers));
         }
     }
 }
 
-fn columns(state: &State, chambers: usize) -> Vec<f64> {
+fn columns(state: &PlantState, chambers: usize) -> Vec<f64> {
     let mut row: Vec<f64> =
         (0..chambers).map(|i| 1e-6 * state.p_chamber_pa[i / WIDTH].0[i % WIDTH]).collect();
     row.extend(state.p_node_pa.map(|p| 1e-6 * p));
@@ -280,58 +285,61 @@ fn columns(state: &State, chambers: usize) -> Vec<f64> {
 }
 
 /// Ratio difference and worst waveform difference (fraction of peak to peak) of one point at a step.
-fn compare(model: &Model, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64) -> (f64, f64) {
+fn compare(model: &LumpedModel, point: (f64, f64, f64, f64), step_deg: f64, rtol: f64) -> (f64, f64) {
     let (n_p_rpm, p, kou, alpha) = point;
     let condition = LoadCondition::HighPressureMpa(p);
-    let operating = SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
-    let steady = SteadyPoint::solve(model, &operating).unwrap();
+    let case = SteadyCase { n_p_rpm, condition, t_b_c: 60.0, alpha, kou_l_min_mpa: kou };
+    let steady = SteadyPoint::solve(model, &case).unwrap();
     let plant = model.plant(60.0, kou).unwrap();
     let omega_p = n_p_rpm / 60.0 * TAU;
-    let mut inputs =
-        Inputs { drive: Drive::SpeedRadS(omega_p), load: Load::SpeedRadS(steady.ratio * omega_p), alpha };
+    let mut inputs = PlantInputs {
+        drive: ShaftDrive::SpeedRadS(omega_p),
+        load: ShaftLoad::SpeedRadS(steady.ratio * omega_p),
+        alpha,
+    };
     let (high, low) = (p * 1e6 + 101_325.0, 1.6e6);
     let (p_a, p_b) = if alpha > 0.0 { (high, low) } else { (low, high) };
     let mut integrator = Integrator::new(&plant, Method::default());
     let mut state = integrator.initial(p_a, p_b, &inputs, alpha, 0.1);
     let h = step_deg.to_radians() / omega_p;
-    // Half a turn with a fine step, then one turn to compare, the motor free under its load.
-    run(&mut integrator, &mut state, &inputs, 0.02f64.to_radians() / omega_p, 9000, &mut ()).unwrap();
+    // Half a revolution with a fine step, then one revolution to compare, the motor free under its load.
+    advance(&mut integrator, &mut state, &inputs, 0.02f64.to_radians() / omega_p, 9000, &mut ()).unwrap();
     let load_nm = alpha.signum() * steady.torque_nm;
-    inputs.load = Load::ConstantNm(load_nm);
+    inputs.load = ShaftLoad::ConstantNm(load_nm);
     let start = columns(&state, plant.chambers());
-    let referee = Referee {
+    let reference = ReferenceModel {
         machine: model.machine(),
-        oil: Oil::new(model.machine()),
+        oil: ReferenceOil::new(model.machine()),
         kou,
         alpha,
         omega_p,
         phi_p_0: state.phi_p_rad,
         load_nm,
     };
-    let truth = referee.integrate(&start, rtol);
+    let truth = reference.integrate(&start, rtol);
     let every = (1.0 / step_deg).round() as u64;
-    let mut samples = Samples { every, seen: 0, rows: Vec::new(), chambers: plant.chambers() };
-    run(&mut integrator, &mut state, &inputs, h, every * SAMPLES as u64, &mut samples).unwrap();
+    let mut samples = StateSamples { every, steps: 0, rows: Vec::new(), chambers: plant.chambers() };
+    advance(&mut integrator, &mut state, &inputs, h, every * SAMPLES as u64, &mut samples).unwrap();
     let n = plant.chambers();
-    let turned = |rows: &[Vec<f64>]| (rows[SAMPLES - 1][n + 5] - start[n + 5]) / TAU;
+    let revolutions = |rows: &[Vec<f64>]| (rows[SAMPLES - 1][n + 5] - start[n + 5]) / TAU;
     let mut worst: f64 = 0.0;
     for chamber in 0..n {
         let of = |rows: &[Vec<f64>]| -> Vec<f64> { rows.iter().map(|row| row[chamber]).collect() };
-        let (mine, theirs) = (of(&samples.rows), of(&truth));
+        let (model, reference) = (of(&samples.rows), of(&truth));
         let (lowest, highest) =
-            theirs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
-        for (m, t) in mine.iter().zip(&theirs) {
+            reference.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        for (m, t) in model.iter().zip(&reference) {
             worst = worst.max((m - t).abs() / (highest - lowest));
         }
     }
-    ((turned(&samples.rows) - turned(&truth)).abs(), worst)
+    ((revolutions(&samples.rows) - revolutions(&truth)).abs(), worst)
 }
 
 /// The step of recorded waveforms, 0.1 deg: ratio to 2e-5, every sample of every chamber to 0.2 % of peak to peak.
 #[test]
 fn val_diffsol_agrees_on_ratio_and_waveforms_at_ten_points() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../machines/reference.toml");
-    let model = Model::new(&Machine::load(&path).unwrap()).unwrap();
+    let model = LumpedModel::new(&Machine::load(&path).unwrap()).unwrap();
     for point in POINTS {
         let (ratio, waveform) = compare(&model, point, 0.1, 1e-7);
         println!("{point:?}: ratio {ratio:.1e}, waveform {:.3} %", 100.0 * waveform);

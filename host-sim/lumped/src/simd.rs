@@ -1,29 +1,29 @@
-//! Four chambers side by side: arithmetic on groups of four lanes that the compiler turns into vector instructions.
+//! Vectors of four `f64` lanes, which the compiler turns into SIMD instructions.
 //!
-//! Plain arrays and loops of fixed length: the same bits on every processor, no unsafe code; which instructions are
-//! used is decided where the integrator is dispatched ([`super::run`]).
+//! Plain arrays and loops of fixed length: the same bits on every processor, no unsafe code. The instruction set is
+//! selected at run time where a batch of steps is dispatched ([`crate::stepping`]).
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Lanes in a group.
+/// Lanes of a vector.
 pub const WIDTH: usize = 4;
 
-/// Four lanes.
+/// Vector of four `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(align(32))]
-pub struct V4(pub [f64; WIDTH]);
+pub struct F64x4(pub [f64; WIDTH]);
 
 macro_rules! operator {
     ($trait:ident, $method:ident, $op:tt) => {
-        impl $trait for V4 {
-            type Output = V4;
+        impl $trait for F64x4 {
+            type Output = F64x4;
             #[inline(always)]
-            fn $method(self, other: V4) -> V4 {
+            fn $method(self, other: F64x4) -> F64x4 {
                 let mut r = self.0;
                 for l in 0..WIDTH {
                     r[l] = self.0[l] $op other.0[l];
                 }
-                V4(r)
+                F64x4(r)
             }
         }
     };
@@ -33,76 +33,76 @@ operator!(Sub, sub, -);
 operator!(Mul, mul, *);
 operator!(Div, div, /);
 
-impl Neg for V4 {
-    type Output = V4;
+impl Neg for F64x4 {
+    type Output = F64x4;
     #[inline(always)]
-    fn neg(self) -> V4 {
-        V4::ZERO - self
+    fn neg(self) -> F64x4 {
+        F64x4::ZERO - self
     }
 }
 
-impl AddAssign for V4 {
+impl AddAssign for F64x4 {
     #[inline(always)]
-    fn add_assign(&mut self, other: V4) {
+    fn add_assign(&mut self, other: F64x4) {
         *self = *self + other;
     }
 }
 
-impl V4 {
+impl F64x4 {
     /// All lanes zero.
-    pub const ZERO: V4 = V4([0.0; WIDTH]);
+    pub const ZERO: F64x4 = F64x4([0.0; WIDTH]);
 
     /// All lanes equal.
     #[inline(always)]
     #[must_use]
-    pub const fn all(x: f64) -> V4 {
-        V4([x; WIDTH])
+    pub const fn all(x: f64) -> F64x4 {
+        F64x4([x; WIDTH])
     }
 
     /// Square root of each lane.
     #[inline(always)]
     #[must_use]
-    pub fn sqrt(self) -> V4 {
+    pub fn sqrt(self) -> F64x4 {
         let mut r = self.0;
         for x in &mut r {
             *x = x.sqrt();
         }
-        V4(r)
+        F64x4(r)
     }
 
     /// Absolute value of each lane.
     #[inline(always)]
     #[must_use]
-    pub fn abs(self) -> V4 {
+    pub fn abs(self) -> F64x4 {
         let mut r = self.0;
         for x in &mut r {
             *x = x.abs();
         }
-        V4(r)
+        F64x4(r)
     }
 
-    /// `yes` where `self > other`, else `no` (also where either is not a number).
+    /// Select: `yes` where `self > other`, else `no` (also where either is NaN).
     #[inline(always)]
     #[must_use]
-    pub fn if_above(self, other: V4, yes: V4, no: V4) -> V4 {
+    pub fn if_above(self, other: F64x4, yes: F64x4, no: F64x4) -> F64x4 {
         let mut r = no.0;
         for (l, x) in r.iter_mut().enumerate() {
             *x = if self.0[l] > other.0[l] { yes.0[l] } else { no.0[l] };
         }
-        V4(r)
+        F64x4(r)
     }
 
     /// The larger of each lane.
     #[inline(always)]
     #[must_use]
-    pub fn max(self, other: V4) -> V4 {
+    pub fn max(self, other: F64x4) -> F64x4 {
         self.if_above(other, self, other)
     }
 
     /// The smaller of each lane.
     #[inline(always)]
     #[must_use]
-    pub fn min(self, other: V4) -> V4 {
+    pub fn min(self, other: F64x4) -> F64x4 {
         self.if_above(other, other, self)
     }
 

@@ -1,30 +1,31 @@
-//! What is measured while the model runs: smooth averages, peak-to-peak values and the mass balance of a window.
+//! Smooth averages and peak-to-peak values over a window of steps.
 //!
-//! A window's weight is a box convolved with the bump 8/3*sin^4: it rises over `edge`, is flat, and falls over `edge`,
+//! The window (a low-pass filter of finite length) is a box convolved with the bump 8/3*sin^4: it rises over `edge`, is
+//! flat, and falls over `edge`,
 //!
 //! ```text
 //! w(t) = (S(t/edge) - S((t - box)/edge)) / box        S(x) = x - 2/(3 pi) sin(2 pi x) + 1/(12 pi) sin(4 pi x)
 //! ```
 //!
 //! so a disturbance of exactly the box's length, the beat of pump and motor, vanishes from the mean, and piston ripple
-//! that fits the edge n times is left with 4/(pi n^5) of its amplitude. Nothing here feeds back into the model.
+//! that fits the edge n times keeps 4/(pi n^5) of its amplitude. Nothing here feeds back into the model.
 
-use super::hydraulics::{CHARGE, FLOWS, LEAK_MOTOR, LEAK_PUMP, MOTOR_A, MOTOR_B, PUMP_A, PUMP_B, RELIEF};
-use super::integrator::State;
-use super::plant::{A, B, NODES, Plant};
-use super::run::Observer;
+use crate::hydraulics::FLOWS;
+use crate::layout::{LINE_A, LINE_B, NODES};
+use crate::plant_state::PlantState;
+use crate::stepping::StepObserver;
 
-/// Length of a window in steps.
+/// Shape of an averaging window: lengths in steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shape {
-    /// Flat part, between the middles of the edges; need not be whole.
+pub struct WindowShape {
+    /// Flat part, between the middles of the edges; need not be an integer.
     pub box_steps: f64,
     /// Rising or falling part.
     pub edge_steps: f64,
 }
 
-impl Shape {
-    /// Steps of the whole window.
+impl WindowShape {
+    /// Steps of the window.
     #[must_use]
     pub fn steps(&self) -> u64 {
         (self.box_steps + self.edge_steps).ceil() as u64
@@ -44,12 +45,12 @@ impl Shape {
 
 /// Weighted averages over one window.
 #[derive(Debug, Clone)]
-pub struct Window {
-    shape: Shape,
-    seen: u64,
+pub struct AveragingWindow {
+    shape: WindowShape,
+    steps: u64,
     last_node_kg: [f64; NODES],
     last_flow_kg: [f64; FLOWS],
-    means: Means,
+    means: WindowMeans,
     lowest_pa: [f64; 2],
     highest_pa: [f64; 2],
     omega_p: f64,
@@ -58,7 +59,7 @@ pub struct Window {
 
 /// Weighted means of a window.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Means {
+pub struct WindowMeans {
     /// Absolute node pressures, Pa.
     pub p_node_pa: [f64; NODES],
     /// Rates of the nodes' masses, kg/s.
@@ -75,9 +76,9 @@ pub struct Means {
     pub omega_m_rad_s: f64,
 }
 
-impl Means {
+impl WindowMeans {
     /// Adds another window's means with a weight.
-    pub fn add(&mut self, other: &Means, weight: f64) {
+    pub fn add(&mut self, other: &WindowMeans, weight: f64) {
         for (x, y) in self.p_node_pa.iter_mut().zip(other.p_node_pa) {
             *x += weight * y;
         }
@@ -94,16 +95,16 @@ impl Means {
     }
 }
 
-impl Window {
+impl AveragingWindow {
     /// Window that begins at `state`.
     #[must_use]
-    pub fn new(state: &State, shape: Shape) -> Self {
+    pub fn new(state: &PlantState, shape: WindowShape) -> Self {
         Self {
             shape,
-            seen: 0,
+            steps: 0,
             last_node_kg: state.masses.node,
             last_flow_kg: state.masses.flow,
-            means: Means::default(),
+            means: WindowMeans::default(),
             lowest_pa: [f64::INFINITY; 2],
             highest_pa: [f64::NEG_INFINITY; 2],
             omega_p: state.omega_p_rad_s,
@@ -111,25 +112,25 @@ impl Window {
         }
     }
 
-    /// The means so far; meaningful when all steps have been seen.
+    /// Means so far; complete after all steps of the window.
     #[must_use]
-    pub fn means(&self) -> Means {
+    pub fn means(&self) -> WindowMeans {
         self.means
     }
 
     /// Peak-to-peak pressure of line A and line B.
     #[must_use]
     pub fn ripple_pa(&self) -> [f64; 2] {
-        [self.highest_pa[A] - self.lowest_pa[A], self.highest_pa[B] - self.lowest_pa[B]]
+        [self.highest_pa[LINE_A] - self.lowest_pa[LINE_A], self.highest_pa[LINE_B] - self.lowest_pa[LINE_B]]
     }
 }
 
-impl Observer for Window {
+impl StepObserver for AveragingWindow {
     #[inline(always)]
-    fn see(&mut self, state: &State, h: f64) {
+    fn observe(&mut self, state: &PlantState, h: f64) {
         // Weight at the middle of the step for what changed over it, at its end for what is sampled there.
-        let w = self.shape.weight(self.seen as f64 + 0.5);
-        let at_end = self.shape.weight(self.seen as f64 + 1.0);
+        let w = self.shape.weight(self.steps as f64 + 0.5);
+        let at_end = self.shape.weight(self.steps as f64 + 1.0);
         let rate = w / h;
         let m = &mut self.means;
         for k in 0..NODES {
@@ -147,44 +148,10 @@ impl Observer for Window {
         self.omega_m = state.omega_m_rad_s;
         self.last_node_kg = state.masses.node;
         self.last_flow_kg = state.masses.flow;
-        for k in [A, B] {
+        for k in [LINE_A, LINE_B] {
             self.lowest_pa[k] = self.lowest_pa[k].min(state.p_node_pa[k]);
             self.highest_pa[k] = self.highest_pa[k].max(state.p_node_pa[k]);
         }
-        self.seen += 1;
-    }
-}
-
-/// Mass balance between two instants: what came in, what went out, what is stored.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MassBalance {
-    stored_kg: f64,
-    flow_kg: [f64; FLOWS],
-}
-
-impl MassBalance {
-    /// Opens the account at `state`.
-    #[must_use]
-    pub fn open(state: &State, plant: &Plant) -> Self {
-        Self { stored_kg: state.stored_kg(plant), flow_kg: state.masses.flow }
-    }
-
-    /// Oil that the pump and the motor moved through their ports since the account was opened, kg.
-    #[must_use]
-    pub fn pumped_kg(&self, state: &State) -> f64 {
-        [PUMP_A, PUMP_B, MOTOR_A, MOTOR_B]
-            .into_iter()
-            .map(|k| (state.masses.flow[k] - self.flow_kg[k]).abs())
-            .fold(0.0, f64::max)
-    }
-
-    /// |inflow - outflow - change of stored mass| over the pumped mass.
-    #[must_use]
-    pub fn error(&self, state: &State, plant: &Plant) -> f64 {
-        let since = |k: usize| state.masses.flow[k] - self.flow_kg[k];
-        let inflow = since(CHARGE);
-        let outflow = since(RELIEF) + since(LEAK_PUMP) + since(LEAK_MOTOR);
-        let change = state.stored_kg(plant) - self.stored_kg;
-        (inflow - outflow - change).abs() / self.pumped_kg(state).max(f64::MIN_POSITIVE)
+        self.steps += 1;
     }
 }
