@@ -6,37 +6,9 @@ use kou_estimator::health::HealthState;
 use kou_estimator::units::{Celsius, LitrePerMin, Megapascal, Micros, Ratio, RevPerMin};
 use kou_estimator::{Fault, Reading, Sample, State, step};
 
+pub use kou_fixture::SplitMix64;
+
 use crate::reference_params;
-
-/// SplitMix64 generator (Steele, Lea and Flood, 2014), to draw test cases.
-#[derive(Debug, Clone)]
-pub struct SplitMix64(pub u64);
-
-impl SplitMix64 {
-    /// The next 64 bits.
-    pub fn next_u64(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// An index below `count`.
-    pub fn below(&mut self, count: usize) -> usize {
-        usize::try_from(self.next_u64() % count as u64).unwrap_or(0)
-    }
-
-    /// A uniform number from `min` to `max`.
-    pub fn between(&mut self, min: f32, max: f32) -> f32 {
-        min + (max - min) * ((self.next_u64() >> 40) as f32 / (1u32 << 24) as f32)
-    }
-
-    /// True with a probability of one in `of`.
-    pub fn one_in(&mut self, of: usize) -> bool {
-        self.below(of) == 0
-    }
-}
 
 /// Values that no sensor should give.
 const STRANGE: [f32; 14] = [

@@ -81,7 +81,7 @@ fn bad_machines_are_rejected_with_line_and_range() {
     ] {
         assert!(REFERENCE.contains(from), "{from}");
         std::fs::write(&file, REFERENCE.replacen(from, to, 1)).unwrap();
-        let output = host_sim(&[
+        let output = host_sim([
             "simulate",
             "--machine",
             file.to_str().unwrap(),
@@ -104,7 +104,7 @@ fn a_machine_without_the_lumped_models_parts_names_the_missing_ones() {
     let end = REFERENCE.find("[pump]").unwrap();
     std::fs::write(&file, format!("{}{}", &REFERENCE[..start], &REFERENCE[end..])).unwrap();
     let output =
-        host_sim(&["simulate", "--machine", file.to_str().unwrap(), "--n-p-rpm", "2000", "--p-h-mpa", "30"]);
+        host_sim(["simulate", "--machine", file.to_str().unwrap(), "--n-p-rpm", "2000", "--p-h-mpa", "30"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(error_text(&output).contains("[circuit.dynamics]"), "{}", error_text(&output));
 }

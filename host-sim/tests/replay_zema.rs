@@ -128,9 +128,9 @@ fn replay_zema_every_change_of_the_leakage_label_is_reported_within_five_cycles_
     let (cal, est) = (cal.to_str().unwrap(), est.to_str().unwrap());
     identify(log, cal);
     let mut text = std::fs::read_to_string(cal).unwrap();
-    for (usual, of_rig) in HEALTH {
-        assert!(text.contains(usual), "{usual}");
-        text = text.replace(usual, of_rig);
+    for (default, of_rig) in HEALTH {
+        assert!(text.contains(default), "{default}");
+        text = text.replace(default, of_rig);
     }
     std::fs::write(cal, text).unwrap();
     replay(log, cal, est);

@@ -172,8 +172,8 @@ fn qemu_loop_calibration_update_is_guarded_and_goes_on_with_the_new_law() {
     // One swap, to the fourth update's law, and every output is of either the old or the new one.
     assert_eq!((report.law.swaps, report.law.last, report.law.foreign), (1, 4, 0), "{:?}", report.law);
     // Written ten minutes after the first ones at the latest; here within the burst.
-    for refusal in ["Loaded", "Mac", "WrongMachine", "OldCounter"] {
-        let name = format!("UpdateRefused({refusal})");
+    for reason in ["Loaded", "Mac", "WrongMachine", "OldCounter"] {
+        let name = format!("UpdateRefused({reason})");
         let count = report.faults.iter().find(|(trouble, _)| *trouble == name).map(|(_, count)| *count);
         assert_eq!(count, Some(1), "{name}: {:?}", report.faults);
     }

@@ -128,7 +128,7 @@ fn qemu_calibration_refused_names_the_field() {
     meter.reduced.motor_displacement.0 = 200.0;
     let mut volume = good.clone();
     volume.reduced.pump_dead_volume = CubicCentimetre(-1.0);
-    let refusals = [
+    let rejections = [
         (nan, "law.a13", FieldProblem::NotFinite),
         (
             bar,
@@ -146,10 +146,10 @@ fn qemu_calibration_refused_names_the_field() {
             FieldProblem::OutOfRange { value: -1.0, min: 0.0, max: 1506.0 },
         ),
     ];
-    for (calibration, field, problem) in refusals {
+    for (calibration, field, problem) in rejections {
         match session.load_calibration(&record_of(&calibration)) {
-            Err(PilError::CalibrationRejected(refusal)) => {
-                assert_eq!(refusal, CalibrationRejection::Field { field: field.to_string(), problem });
+            Err(PilError::CalibrationRejected(rejection)) => {
+                assert_eq!(rejection, CalibrationRejection::Field { field: field.to_string(), problem });
             }
             other => panic!("{field}: {other:?}"),
         }
@@ -157,8 +157,8 @@ fn qemu_calibration_refused_names_the_field() {
     let mut record = record_of(&good);
     record[20] ^= 1;
     match session.load_calibration(&record) {
-        Err(PilError::CalibrationRejected(refusal)) => {
-            assert_eq!(refusal, CalibrationRejection::Record(RecordError::Crc))
+        Err(PilError::CalibrationRejected(rejection)) => {
+            assert_eq!(rejection, CalibrationRejection::Record(RecordError::Crc))
         }
         other => panic!("{other:?}"),
     }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::reference::{Machine, Oil};
+use common::reference::{Oil, OracleMachine};
 use kou_estimator::Params;
 use kou_estimator::model::flow_balance::{OperatingPoint, ReducedModel};
 use kou_estimator::model::oil_compression::OilConfig;
@@ -60,7 +60,7 @@ fn compression_loss_agrees_with_quadrature_of_the_published_bulk_modulus() {
 fn ratio_agrees_with_f64_to_1e6_over_the_envelope() {
     let calibration = common::calibration();
     let model = ReducedModel::new(&calibration.reduced, &calibration.oil).unwrap();
-    let machine = Machine {
+    let machine = OracleMachine {
         d_p: f64::from(301.2_f32),
         d_m: 300.0,
         dead_p: f64::from(0.3 * 301.2_f32),

@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         })
         .collect::<Result<_, Failure>>()?;
     let not_steady = compared.iter().filter(|c| c.is_none()).count();
-    let report = judge(compared.into_iter().flatten().collect(), not_steady);
+    let report = summarise(compared.into_iter().flatten().collect(), not_steady);
     if args.json {
         print_json(&report)?
     } else {
@@ -150,7 +150,7 @@ fn compare(
     })
 }
 
-fn judge(compared: Vec<PointComparison>, not_steady: usize) -> VerifyReport {
+fn summarise(compared: Vec<PointComparison>, not_steady: usize) -> VerifyReport {
     let n = compared.len().max(1) as f64;
     let worst = |of: fn(&PointComparison) -> f64| {
         compared.iter().max_by(|a, b| of(a).abs().total_cmp(&of(b).abs())).cloned()

@@ -159,7 +159,7 @@ impl Trial {
         for _ in 0..samples {
             let (sample, kou_true) = self.drive.advance();
             let estimate = step(&settings.params, &mut self.state, &sample);
-            self.judge(&estimate, case);
+            self.assess(&estimate, case);
             self.samples += 1;
             // Once a minute.
             if case.is_none() && self.samples.is_multiple_of(1200) {
@@ -172,7 +172,7 @@ impl Trial {
         }
     }
 
-    fn judge(&mut self, estimate: &Estimate, case: Option<&TrialCase>) {
+    fn assess(&mut self, estimate: &Estimate, case: Option<&TrialCase>) {
         let (health, run) = (&estimate.health, &mut self.run);
         if estimate.observed.is_ok() {
             run.judged_s += PERIOD_S;

@@ -113,7 +113,7 @@ impl PilSession {
     pub fn load_calibration(&mut self, record: &[u8]) -> Result<u32, PilError> {
         match self.request(&Request::LoadCalibration(record))? {
             Response::CalibrationAccepted { crc } => Ok(crc),
-            Response::CalibrationRejected(refusal) => Err(PilError::CalibrationRejected(refusal)),
+            Response::CalibrationRejected(rejection) => Err(PilError::CalibrationRejected(rejection)),
             other => Err(unexpected("load calibration", &other)),
         }
     }

@@ -9,7 +9,7 @@
 //! | [`pickups`] | edges of both pickups, stamped by timer 2 |
 //! | [`watchdog`] | watchdog, reset cause, crash record, panics and hard faults |
 //!
-//! The pins are in the README. Every use of `unsafe` states its reason.
+//! Pins and wiring: docs/nucleo.md. Every use of `unsafe` states its reason.
 #![no_std]
 #![no_main]
 #![deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]

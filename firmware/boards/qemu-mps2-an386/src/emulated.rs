@@ -124,7 +124,7 @@ fn exchange_message<T: serde::de::DeserializeOwned>(message: &FirmwareMessage) -
 }
 
 /// Flash whose cells belong to the host; reads come from a copy in RAM, without delay, like memory-mapped flash.
-pub struct EmulatedFlash {
+pub struct HostBackedFlash {
     writing: fn() -> Option<RecordKind>,
     copy: &'static mut [u8; FLASH_LEN],
 }
@@ -145,7 +145,7 @@ impl NorFlashError for EmulatedFlashError {
 const WORD_TIME: Duration = Duration::from_micros(85);
 const PAGE_TIME: Duration = Duration::from_millis(22);
 
-impl EmulatedFlash {
+impl HostBackedFlash {
     /// Flash over the shared line, once; `writing` returns the kind of the record that is being written, as a target
     /// for the host's power failures.
     #[must_use]
@@ -176,11 +176,11 @@ impl EmulatedFlash {
     }
 }
 
-impl FlashErrorType for EmulatedFlash {
+impl FlashErrorType for HostBackedFlash {
     type Error = EmulatedFlashError;
 }
 
-impl ReadNorFlash for EmulatedFlash {
+impl ReadNorFlash for HostBackedFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), EmulatedFlashError> {
@@ -196,7 +196,7 @@ impl ReadNorFlash for EmulatedFlash {
     }
 }
 
-impl NorFlash for EmulatedFlash {
+impl NorFlash for HostBackedFlash {
     const WRITE_SIZE: usize = ram_flash::WORD;
     const ERASE_SIZE: usize = FLASH_PAGE;
 

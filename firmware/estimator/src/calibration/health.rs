@@ -6,7 +6,7 @@ use super::error::{CalibrationError, consistent, in_range};
 use crate::model::leakage_law::LawConfig;
 use crate::units::{Celsius, Megapascal, Ratio, RevPerMin};
 
-/// Configuration of health monitoring, unchecked. `docs/health.md` derives the effect of each number.
+/// Configuration of health monitoring, unchecked. `docs/health/theory.md` derives the effect of each number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HealthConfig {

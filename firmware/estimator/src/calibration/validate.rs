@@ -70,11 +70,11 @@ fn machine(c: &Calibration) -> Result<(), CalibrationError> {
     let near = |fitted: f32, nominal: f32| (fitted - nominal).abs() <= 0.2 * nominal;
     in_range("machine.pump_displacement_cm3_per_rev", m.pump_displacement.get(), 0.1, 5000.0)?;
     in_range("machine.motor_displacement_cm3_per_rev", m.motor_displacement.get(), 0.1, 5000.0)?;
-    let apart = "differs from the data sheet's by more than 20 %";
+    let too_far = "differs from the data sheet's by more than 20 %";
     let pump = near(c.reduced.pump_displacement.get(), m.pump_displacement.get());
-    consistent("reduced.pump_displacement_cm3_per_rev", pump, apart)?;
+    consistent("reduced.pump_displacement_cm3_per_rev", pump, too_far)?;
     let motor = near(c.reduced.motor_displacement.get(), m.motor_displacement.get());
-    consistent("reduced.motor_displacement_cm3_per_rev", motor, apart)?;
+    consistent("reduced.motor_displacement_cm3_per_rev", motor, too_far)?;
     // The corrections to the number of leaking chambers are small; half of it at the ends of the spans is no
     // correction.
     let root = square_root(c.sensor_ranges.pressure_max.get());

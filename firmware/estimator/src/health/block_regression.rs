@@ -1,6 +1,6 @@
 //! Regression model of a block: the ratio residual as a linear function of level, ratio offset and slopes.
 //!
-//! With `S = |dr/dKou|`, normalised pressure `y` and temperature `z` and the pivots of the slopes (`docs/health.md`):
+//! With `S = |dr/dKou|`, normalised pressure `y` and temperature `z` and the pivots of the slopes (`docs/health/theory.md`):
 //!
 //! ```text
 //! ratio residual = S Kou_law (level + s_p (y - y_0) + s_T (z - z_0)) + |r| offset + noise

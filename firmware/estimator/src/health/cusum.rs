@@ -12,7 +12,7 @@
 //! blocks that share one misfit, since only so many blocks are one independent decision. A sum of independent
 //! log-likelihood ratios reaches a threshold `h` by chance after `exp(h)` decisions at the earliest on average (Lorden
 //! 1971), so `h` follows from the stated false-alarm interval (average run length to a false alarm, ARL0). Derived in
-//! `docs/health.md`.
+//! `docs/health/theory.md`.
 
 use serde::{Deserialize, Serialize};
 

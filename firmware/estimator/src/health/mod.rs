@@ -16,7 +16,7 @@
 //!
 //! Size and values are bounded, and the state can be saved and restored bit for bit ([`crate::record::state`]). The
 //! work for a block is spread over the samples after it, one stage each (`pipeline`). All constants of judgement are in
-//! `tuning`. Theory and measured performance: `docs/health.md`.
+//! `tuning`. Theory and measured performance: `docs/health/theory.md`.
 
 mod averaging;
 mod block_regression;

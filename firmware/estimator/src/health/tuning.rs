@@ -1,7 +1,7 @@
 //! Tuning constants of health monitoring: every number that is a judgement and not a law of nature.
 //!
 //! Each states its unit, its source and its sensitivity: what halving or doubling it changes, where that follows from
-//! the equations or was measured (`docs/health.md`). What a calibration engineer sets is in
+//! the equations or was measured (`docs/health/theory.md`). What a calibration engineer sets is in
 //! [`crate::calibration::HealthConfig`]; a *decision* is a plateau of `misfit_blocks` blocks that share one misfit of
 //! the law.
 
@@ -54,7 +54,7 @@ pub(super) const RESTART_FLOORS: f32 = 2.0;
 
 /// Root mean square deviation of pump speed that counts as steady, relative.
 ///
-/// Source: changes Kou by less than a per cent (`docs/health.md`). Sensitivity: twice the value admits twice the error
+/// Source: changes Kou by less than a per cent (`docs/health/theory.md`). Sensitivity: twice the value admits twice the error
 /// of a block's balance.
 pub(super) const SPEED_FLOOR: f32 = 0.005;
 
@@ -66,12 +66,12 @@ pub(super) const PRESSURE_FLOOR_MPA: f32 = 0.4;
 
 /// Root mean square deviation of the displacement fraction that counts as steady; no unit.
 ///
-/// Source: changes Kou by less than a per cent (`docs/health.md`). Sensitivity: in proportion.
+/// Source: changes Kou by less than a per cent (`docs/health/theory.md`). Sensitivity: in proportion.
 pub(super) const DISPLACEMENT_FLOOR: f32 = 0.003;
 
 /// Root mean square deviation of the ratio residual that counts as steady; no unit.
 ///
-/// Source: changes Kou by less than a per cent (`docs/health.md`). Sensitivity: in proportion.
+/// Source: changes Kou by less than a per cent (`docs/health/theory.md`). Sensitivity: in proportion.
 pub(super) const RATIO_RESIDUAL_FLOOR: f32 = 0.004;
 
 // Recursive estimation of level, ratio offset and slopes

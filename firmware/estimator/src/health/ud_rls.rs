@@ -5,7 +5,7 @@
 //! on the first parameter only: `U` is unit upper triangular, so its first column is the first unit vector, and adding
 //! `q` to `D_1` adds `q` to the first variance and changes nothing else. Thus a parameter that may change (the level)
 //! is forgotten, constants (a sensor's offset) are not, and there is no covariance wind-up without excitation. Derived
-//! in `docs/health.md`.
+//! in `docs/health/theory.md`.
 
 use serde::{Deserialize, Serialize};
 

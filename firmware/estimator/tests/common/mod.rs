@@ -54,9 +54,9 @@ pub mod reference {
         (f(a) + inner + f(b)) * h / 3.0
     }
 
-    /// Machine of the f64 reference.
+    /// OracleMachine of the f64 reference.
     #[derive(Debug, Clone, Copy)]
-    pub struct Machine {
+    pub struct OracleMachine {
         pub d_p: f64,
         pub d_m: f64,
         pub dead_p: f64,
@@ -68,7 +68,7 @@ pub mod reference {
         pub p_low: f64,
     }
 
-    impl Machine {
+    impl OracleMachine {
         /// Speed ratio by the flow balance, design equation of the reduced model.
         pub fn ratio(&self, chi: f64, n_p: f64, p_h: f64, alpha: f64, kou: f64) -> f64 {
             let swept = alpha.abs() * self.d_p;

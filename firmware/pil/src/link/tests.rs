@@ -6,6 +6,7 @@ use std::vec::Vec;
 
 use kou_estimator::units::{Megapascal, Micros, RevPerMin};
 use kou_estimator::{Estimate, Fault, Reading, Reason, Sample};
+use kou_fixture::SplitMix64;
 use proptest::prelude::*;
 
 use super::*;
@@ -18,29 +19,12 @@ fn request_frame(request: &Request<'_>) -> Vec<u8> {
 }
 
 fn sample(random: &mut SplitMix64) -> Sample {
-    let time = Micros(random.next() >> random.below(64));
+    let time = Micros(random.next_u64() >> random.below(64));
     let mut sample = Sample::empty(time);
-    sample.pump_speed = Reading::new(time, RevPerMin(f32::from_bits(random.next() as u32)));
+    sample.pump_speed = Reading::new(time, RevPerMin(f32::from_bits(random.next_u64() as u32)));
     sample.motor_speed = Reading::failed(time, Fault::ALL[random.below(Fault::ALL.len())]);
-    sample.high_pressure = Reading::new(Micros(random.next()), Megapascal(20.0));
+    sample.high_pressure = Reading::new(Micros(random.next_u64()), Megapascal(20.0));
     sample
-}
-
-/// SplitMix64 generator: the same cases in every run.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        (self.next() % count as u64) as usize
-    }
 }
 
 /// Expected result of a stretch of bytes between two zeros, by the `cobs` crate.
@@ -107,9 +91,9 @@ fn a_million_random_damaged_and_truncated_frames_are_each_decoded_as_by_the_orac
             let mut bytes = match random.below(12) {
                 0 => {
                     let len = random.below(12);
-                    (0..len).map(|_| random.next() as u8).collect()
+                    (0..len).map(|_| random.next_u64() as u8).collect()
                 }
-                1 if random.below(50) == 0 => vec![random.next() as u8; MAX_BODY + 1 + random.below(200)],
+                1 if random.below(50) == 0 => vec![random.next_u64() as u8; MAX_BODY + 1 + random.below(200)],
                 2 if random.below(50) == 0 => request_frame(&Request::LoadCalibration(&record)),
                 3..=6 => request_frame(&Request::Sample(sample(&mut random))),
                 7 => request_frame(&Request::Status),
@@ -157,7 +141,7 @@ fn every_valid_frame_behind_garbage_is_decoded() {
     for _ in 0..20_000 {
         let garbage = random.below(40);
         for _ in 0..garbage {
-            let _ = decoder.push(random.next() as u8);
+            let _ = decoder.push(random.next_u64() as u8);
         }
         let _ = decoder.push(0);
         let sample = sample(&mut random);

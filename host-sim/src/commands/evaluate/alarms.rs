@@ -12,7 +12,7 @@ use crate::evaluate::TrialSettings;
 use kou_records::InputError;
 
 /// Run lengths tried, in hours.
-const RUN_LENGTHS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
+const FALSE_ALARM_INTERVALS_H: [f32; 5] = [1.0, 10.0, 100.0, 1000.0, 1e5];
 /// Misfits of the simulated machines over the declared one.
 pub(super) const MISFITS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Fraction of the hours of healthy driving for each point.
@@ -50,9 +50,9 @@ pub(super) fn measure(
     let hours_each = (HOURS_SHARE * hours / DRIVES as f64).max(0.5);
     let mut alarms = Vec::new();
     for misfits in MISFITS {
-        for run_length_h in RUN_LENGTHS_H {
+        for false_alarm_interval_h in FALSE_ALARM_INTERVALS_H {
             let mut tried = calibration.clone();
-            tried.health.false_alarm_interval_h = run_length_h;
+            tried.health.false_alarm_interval_h = false_alarm_interval_h;
             let params = Params::new(&tried).map_err(|e| InputError::new(e.to_string()))?;
             let misfit = misfits * f64::from(calibration.health.law_misfit);
             let runs =
@@ -60,7 +60,7 @@ pub(super) fn measure(
             alarms.push(Alarms {
                 misfits,
                 threshold: threshold(&tried.health),
-                derived_per_1000_h: 1000.0 / f64::from(run_length_h),
+                derived_per_1000_h: 1000.0 / f64::from(false_alarm_interval_h),
                 reports: runs.iter().map(|r| r.false_changes).sum(),
                 hours: DRIVES as f64 * hours_each,
             });

@@ -25,7 +25,7 @@ use kou_app::update::{UpdateService, UpdateSession};
 use kou_emulation::{FLASH_LEN, MAX_LEN, TickReport};
 use kou_estimator::units::Micros;
 use kou_qemu_mps2_an386::emulated::{
-    EmulatedCan, EmulatedFlash, EmulatedSpi, EmulatedTimer, EmulatedWatchdog, HostKey, HostLine,
+    EmulatedCan, EmulatedSpi, EmulatedTimer, EmulatedWatchdog, HostBackedFlash, HostKey, HostLine,
 };
 use kou_qemu_mps2_an386::exit::Exit;
 use kou_qemu_mps2_an386::{QemuMps2An386, priority, stack};
@@ -44,9 +44,9 @@ const STATS_CYCLES: u32 = 1000;
 
 type QemuFrontEnd = AdcSampler<Mcp3208<EmulatedSpi>, EmulatedTimer<fn(&mut TickReport)>>;
 
-type ControllerStorageTask = StorageTask<'static, EmulatedFlash, HostKey>;
+type ControllerStorageTask = StorageTask<'static, HostBackedFlash, HostKey>;
 
-static STORE: StaticCell<Store<EmulatedFlash>> = StaticCell::new();
+static STORE: StaticCell<Store<HostBackedFlash>> = StaticCell::new();
 static SESSION: ConstStaticCell<UpdateSession> = ConstStaticCell::new(UpdateSession::new());
 static RECORDS: StaticCell<ControllerStorageTask> = StaticCell::new();
 static SENSORS: StaticCell<SensorsParams> = StaticCell::new();
@@ -121,7 +121,7 @@ fn records(mut line: HostLine) -> Option<&'static mut ControllerStorageTask> {
         counters_s: first.write_period_s,
         ..WriteScheduleConfig::VEHICLE
     };
-    let store = Store::new(EmulatedFlash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
+    let store = Store::new(HostBackedFlash::new(|| CONTROLLER.writing())?, 0..FLASH_LEN as u32).ok()?;
     let rates = WriteScheduleParams::new(&rates).ok()?;
     let begin = StartReason { cause: first.cause, crash_record: first.crash_record };
     let service =
