@@ -1,4 +1,4 @@
-//! CliCommand line of `host-sim`. Exit codes: 0 fine, 1 a check failed, 2 bad input.
+//! Command line of `host-sim`. Exit codes: 0 fine, 1 a check failed, 2 bad input.
 
 use std::process::ExitCode;
 

@@ -24,7 +24,7 @@ fn params() -> Params {
     Params::new(&calibration).unwrap()
 }
 
-/// ReadingValues of the sensors: both speeds (pump first), pressure, oil temperature, displacement.
+/// Values of the sensors: both speeds (pump first), pressure, oil temperature, displacement.
 type ReadingValues = [f32; 5];
 
 /// A cause that is an offset of one reading.

@@ -271,9 +271,9 @@ fn a_panic_is_recorded_with_its_message_and_operating_hours_continue() {
         "{hours:?}"
     );
     let text = "index out of bounds at src/x.rs:12";
-    let note = CrashRecord { kind: CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let crash_record = CrashRecord { kind: CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
     // The hardware reports a requested reset.
-    let begin = StartReason { cause: ResetCause::Software, crash_record: Some(note) };
+    let begin = StartReason { cause: ResetCause::Software, crash_record: Some(crash_record) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);
     let life = read::<OperatingCounters>(&second.flash).unwrap();
     assert_eq!((life.starts, life.unplanned_resets, life.last_reset), (2, 1, ResetCause::Panic));

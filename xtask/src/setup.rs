@@ -100,7 +100,7 @@ fn component(name: &str, probe: &[&str]) -> Result<()> {
         return Ok(());
     }
     bail!(
-        "`cargo {}` does not work. CommandLine `rustup component add {name}` in the workspace",
+        "`cargo {}` does not work. Run `rustup component add {name}` in the workspace",
         probe.join(" ")
     )
 }
@@ -144,7 +144,7 @@ fn qemu() -> Result<()> {
         return Ok(());
     }
     bail!(
-        "{} could not install QEMU. CommandLine `{} {}` as root, see what it says, and run this command again",
+        "{} could not install QEMU. Run `{} {}` as root, see what it says, and run this command again",
         manager.program,
         manager.program,
         manager.install.join(" ")

@@ -103,10 +103,10 @@ fn both_schemes_identify_a_closure_as_plant_model() {
     let plant = ClosurePlant { ratio: &volumetric, correction: MachineCorrection::NONE };
     let points = bench(MachineCorrection::NONE);
     let steps =
-        two_step::identify(&machine(), &points, &settings(), Some(&plant), &SecantSettings::default())
+        two_step::identify(machine(), &points, &settings(), Some(&plant), &SecantSettings::default())
             .unwrap();
     let joint =
-        joint_scheme::identify(&machine(), &points, &settings(), Some(&plant), &Prior::default()).unwrap();
+        joint_scheme::identify(machine(), &points, &settings(), Some(&plant), &Prior::default()).unwrap();
     println!("Kou: two steps {:.1e}, joint {:.1e}", mean_kou_error(&steps), mean_kou_error(&joint));
     // The secant's tolerance of 1e-4 of the ratio is up to 2 % of Kou.
     assert_eq!((steps.points.len(), joint.points.len()), (45, 45));
@@ -118,7 +118,7 @@ fn joint_scheme_corrects_the_displacement_of_a_closure_as_plant_model() {
     let plant = ClosurePlant { ratio: &volumetric, correction: MachineCorrection::NONE };
     let points = bench(MachineCorrection { displacement: 1.01, bulk: 1.0 });
     let result =
-        joint_scheme::identify(&machine(), &points, &settings(), Some(&plant), &Prior::default()).unwrap();
+        joint_scheme::identify(machine(), &points, &settings(), Some(&plant), &Prior::default()).unwrap();
     println!("displacement {:.5}, Kou {:.1e}", result.correction.displacement, mean_kou_error(&result));
     assert!((result.correction.displacement - 1.01).abs() < 1e-3);
     assert!(mean_kou_error(&result) < 0.03);

@@ -113,7 +113,7 @@ impl CallGraph {
         Ok(functions)
     }
 
-    /// DeepestPath stack of a function and all that it calls.
+    /// Deepest stack of a function and all that it calls.
     pub fn depth_of(&self, name: &str) -> Result<u32> {
         self.depth_with(name, None)
     }

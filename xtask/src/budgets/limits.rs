@@ -9,7 +9,7 @@ use super::figure::Figure;
 const FILE: &str = "xtask/limits.toml";
 const TEXT: &str = include_str!("../../limits.toml");
 
-/// BudgetLimits of the budgets and of the number of tests.
+/// Limits of the budgets and of the number of tests.
 #[derive(Debug)]
 pub struct BudgetLimits {
     budgets: Vec<(String, u64)>,

@@ -54,7 +54,7 @@ pub mod reference {
         (f(a) + inner + f(b)) * h / 3.0
     }
 
-    /// OracleMachine of the f64 reference.
+    /// Machine of the f64 reference.
     #[derive(Debug, Clone, Copy)]
     pub struct OracleMachine {
         pub d_p: f64,

@@ -66,7 +66,7 @@ pub struct StoredRecords {
     pub faults: Option<FaultMemory>,
     /// Hours and starts.
     pub life: Option<OperatingCounters>,
-    /// The last note.
+    /// Last crash report.
     pub stop: Option<CrashReport>,
 }
 
