@@ -271,7 +271,8 @@ fn a_panic_is_recorded_with_its_message_and_operating_hours_continue() {
         "{hours:?}"
     );
     let text = "index out of bounds at src/x.rs:12";
-    let crash_record = CrashRecord { kind: CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
+    let crash_record =
+        CrashRecord { kind: CrashKind::Panic, text: heapless::String::try_from(text).unwrap() };
     // The hardware reports a requested reset.
     let begin = StartReason { cause: ResetCause::Software, crash_record: Some(crash_record) };
     let second = run(first.flash, None, begin, Vec::new(), NOT_BUSY, 9_000);

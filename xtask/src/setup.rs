@@ -99,10 +99,7 @@ fn component(name: &str, probe: &[&str]) -> Result<()> {
     {
         return Ok(());
     }
-    bail!(
-        "`cargo {}` does not work. Run `rustup component add {name}` in the workspace",
-        probe.join(" ")
-    )
+    bail!("`cargo {}` does not work. Run `rustup component add {name}` in the workspace", probe.join(" "))
 }
 
 /// The emulator: found, or installed by the system's package manager.

@@ -102,9 +102,8 @@ fn mean_kou_error(result: &Identification) -> f64 {
 fn both_schemes_identify_a_closure_as_plant_model() {
     let plant = ClosurePlant { ratio: &volumetric, correction: MachineCorrection::NONE };
     let points = bench(MachineCorrection::NONE);
-    let steps =
-        two_step::identify(machine(), &points, &settings(), Some(&plant), &SecantSettings::default())
-            .unwrap();
+    let steps = two_step::identify(machine(), &points, &settings(), Some(&plant), &SecantSettings::default())
+        .unwrap();
     let joint =
         joint_scheme::identify(machine(), &points, &settings(), Some(&plant), &Prior::default()).unwrap();
     println!("Kou: two steps {:.1e}, joint {:.1e}", mean_kou_error(&steps), mean_kou_error(&joint));
