@@ -124,7 +124,7 @@ fn an_invalid_key_is_rejected_and_never_shown() {
     }
     let error = failure(2, command(None, Some(&folder.path("nowhere.key")), &out));
     assert!(error.contains("nowhere.key"), "{error}");
-    // The two options confused: the complaint about the calibration must not tell the key.
+    // The two options confused: the complaint about the calibration must not contain the key.
     let error = failure(2, command(Some(&folder.write("swapped.key", &text)), None, &out));
     assert!(error.contains("swapped.key") && !error.contains(&text[..8]), "{error}");
     assert!(!out.exists());

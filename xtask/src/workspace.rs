@@ -22,7 +22,7 @@ pub struct Package {
     pub is_library: bool,
 }
 
-/// What cargo knows of the workspace.
+/// Metadata of the workspace, from cargo.
 #[derive(Debug)]
 pub struct Workspace {
     /// Folder of build results.

@@ -39,9 +39,9 @@ impl fmt::Display for FilePosition {
 /// Printed as `FILE:LINE: column NAME: MESSAGE (value V; allowed: R)` without the parts that are unknown.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct InvalidInput {
-    /// Where the value was read; absent for values that no file holds.
+    /// Place of the value; absent for values that no file holds.
     pub position: Option<FilePosition>,
-    /// What is wrong, in one sentence without a full stop.
+    /// Message, one sentence without a full stop.
     pub message: String,
     /// The value as written.
     pub value: Option<String>,

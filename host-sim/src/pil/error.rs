@@ -36,15 +36,15 @@ pub enum PilError {
     /// The firmware has not been built.
     #[error("there is no firmware at {}; build it with `{BUILD_FIRMWARE}`", path.display())]
     FirmwareMissing {
-        /// Where it was looked for.
+        /// Searched path.
         path: PathBuf,
     },
     /// A call of the operating system failed.
     #[error("{doing}: {cause}")]
     System {
-        /// What was being done.
+        /// Failed operation.
         doing: &'static str,
-        /// Why it failed.
+        /// Cause.
         cause: std::io::Error,
     },
     /// The firmware is silent.
@@ -52,7 +52,7 @@ pub enum PilError {
     Timeout {
         /// Timeout.
         after: Duration,
-        /// What the firmware printed.
+        /// Text output of the firmware.
         printed: ConsoleText,
     },
     /// QEMU ended early.
@@ -60,7 +60,7 @@ pub enum PilError {
     Ended {
         /// Exit code, where there is one: a killed process has none.
         code: Option<i32>,
-        /// What the firmware printed.
+        /// Text output of the firmware.
         printed: ConsoleText,
     },
     /// The firmware rejected the calibration.
@@ -77,9 +77,9 @@ pub enum PilError {
     /// The response does not belong to the request.
     #[error("unexpected answer of the firmware to {request}: {answer}")]
     Unexpected {
-        /// What was asked.
+        /// Request.
         request: &'static str,
-        /// What was answered.
+        /// Answer.
         answer: String,
     },
     /// A message does not fit into a frame.

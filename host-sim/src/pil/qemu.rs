@@ -90,7 +90,7 @@ impl Qemu {
         self.log.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
     }
 
-    /// What firmware and QEMU printed as text, once. Call it after the end: it waits for it.
+    /// Text output of firmware and QEMU, once. Waits for their end.
     pub(super) fn printed(&mut self) -> ConsoleText {
         let bytes = self.printed.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         ConsoleText(String::from_utf8_lossy(&bytes).into_owned())

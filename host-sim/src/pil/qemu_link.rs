@@ -125,7 +125,7 @@ impl QemuLink {
         self.qemu.log()
     }
 
-    /// What the firmware printed as text, after its end.
+    /// Text output of the firmware, after its end.
     pub(super) fn printed(&mut self) -> ConsoleText {
         self.qemu.printed()
     }

@@ -34,7 +34,7 @@ pub struct FirmwareExit {
     pub code: Option<i32>,
     /// The firmware's log, encoded by defmt.
     pub log: Vec<u8>,
-    /// What the firmware printed as text: nothing, unless something went wrong.
+    /// Text output of the firmware: empty unless it failed.
     pub printed: String,
 }
 

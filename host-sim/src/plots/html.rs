@@ -1,4 +1,4 @@
-//! Figures of an HTML page: a chart as inline SVG, with what paper has not.
+//! Figures of an HTML page: a chart as inline SVG with interactive read-out.
 //!
 //! The drawing is the same as in a file, each series in a group of its own. The page's script adds a reading under the
 //! pointer and switches series by the buttons of the legend. Every text is escaped, since names come from files.
@@ -74,7 +74,7 @@ fn svg(chart: &Chart) -> Result<String, Box<dyn Error>> {
     Ok(svg)
 }
 
-/// What `draw` draws on the axes, without the enclosing `<svg>`.
+/// Drawing of `draw` on the axes, without the enclosing `<svg>`.
 fn layer(
     renderer: &Renderer<'_>,
     draw: impl FnOnce(&mut Axes<'_, '_>) -> Result<(), Box<dyn Error>>,

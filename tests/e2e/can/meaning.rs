@@ -1,4 +1,4 @@
-//! What a frame was meant to say, put together from what the firmware was given and not from the frame.
+//! Expected content of a frame, computed from the inputs of the firmware, not from the frame.
 
 use kou_app::diagnostics::{Dtc, DtcReport};
 use kou_app::j1939::catalogue as c;
@@ -81,7 +81,7 @@ fn trouble_of(entry: Option<&DtcReport>, lamp: bool) -> Map<String, Value> {
     signals
 }
 
-/// What a frame of the node was meant to say, from what it was given.
+/// Expected content of a frame of the node, from its inputs.
 pub fn meaning(
     frame: &Frame,
     outputs: &Outputs<'_>,

@@ -1,4 +1,4 @@
-//! Every record that is kept or sent has the layout that its schema says: a field that is added, removed, moved or given
+//! Every record that is stored or sent has the layout that its schema says: a field that is added, removed, moved or given
 //! another type is noticed here, before a controller reads old bytes as new fields. So is a variant of an enumeration, which is
 //! kept by its number: one in the middle makes others of all behind it.
 //!

@@ -25,7 +25,7 @@ struct LinkedFunction {
     indirect: bool,
     /// Constants among its code that may be function addresses.
     literals: BTreeSet<u32>,
-    /// Why its frame has no bound.
+    /// Reason that its frame has no bound.
     unbounded: Option<&'static str>,
 }
 

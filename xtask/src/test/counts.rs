@@ -14,7 +14,7 @@ pub struct TestCounts {
     pub skipped: u64,
     /// Tests that cargo executed to their end, without the skipped ones.
     pub executed_by_cargo: u64,
-    /// Why tests were skipped.
+    /// Reasons of skipped tests.
     pub skipped_because: Vec<String>,
 }
 

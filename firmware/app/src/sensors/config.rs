@@ -16,13 +16,7 @@ pub struct ConfigError {
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.problem {
-            Problem::NotFinite => write!(f, "`{}` is not a finite number", self.field),
-            Problem::OutOfRange { value, min, max } => {
-                write!(f, "`{}` is {value}; allowed: {min} to {max}", self.field)
-            }
-            Problem::Inconsistent(why) => write!(f, "`{}` is inconsistent: {why}", self.field),
-        }
+        write!(f, "`{}` {}", self.field, self.problem)
     }
 }
 
@@ -30,14 +24,10 @@ impl core::error::Error for ConfigError {}
 
 /// Checks for a finite number from `min` to `max`.
 pub(super) fn number(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), ConfigError> {
-    let problem = if !value.is_finite() {
-        Problem::NotFinite
-    } else if value < min || value > max {
-        Problem::OutOfRange { value, min, max }
-    } else {
-        return Ok(());
-    };
-    Err(ConfigError { field, problem })
+    match Problem::of_number(value, min, max) {
+        Some(problem) => Err(ConfigError { field, problem }),
+        None => Ok(()),
+    }
 }
 
 /// Checks for an integer from `min` to `max`.

@@ -1,4 +1,4 @@
-//! Counts what the estimator costs on a Cortex-M4F, in instructions, and tells the sizes of its types there.
+//! Instructions of the estimator on a Cortex-M4F, and the sizes of its types there.
 //!
 //! Runs in QEMU (`cargo xtask budgets` starts it with the arguments that [`counter`] needs) and prints lines of
 //! `name value` for xtask to read. Counts are of executed instructions, not cycles: QEMU has no pipeline. A figure is
@@ -61,7 +61,7 @@ extern "C" fn law(law: &Law, n_p: RevPerMin, p_h: Megapascal, t_b: Celsius) -> L
     law.evaluate(law.normalised(n_p, p_h, t_b))
 }
 
-/// What law, forward model and inverse give at one operating point.
+/// Results of law, forward model and inverse at one operating point.
 #[derive(Clone, Copy)]
 struct Chain {
     expected: LeakageCoefficient,

@@ -67,7 +67,7 @@ mod entries {
     }
 }
 
-/// What a step does, piece by piece.
+/// Parts of a step, one by one.
 fn pieces(params: &Params, at: &OperatingPoint) {
     let law = params.law();
     let point = law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
@@ -85,7 +85,7 @@ fn pieces(params: &Params, at: &OperatingPoint) {
     black_box(model.compression().compression_loss(low, high, at.oil_temperature));
 }
 
-/// What builds and judges configurations.
+/// Construction and validation of configurations.
 fn configurations(calibration: &Calibration) {
     black_box(ReducedModel::new(&calibration.reduced, &calibration.oil).is_ok());
     let region = RegionConfig::around(unknown(0x40 as *const [[f32; 3]; 45]).iter().copied(), 0.01);

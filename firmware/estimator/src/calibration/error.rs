@@ -31,15 +31,33 @@ pub enum Problem {
     Inconsistent(&'static str),
 }
 
+impl Problem {
+    /// Problem of a value that must be finite and within `min` to `max`; `None` for a valid one.
+    #[must_use]
+    pub fn of_number(value: f32, min: f32, max: f32) -> Option<Self> {
+        if !value.is_finite() {
+            Some(Self::NotFinite)
+        } else if value < min || value > max {
+            Some(Self::OutOfRange { value, min, max })
+        } else {
+            None
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => f.write_str("is not a finite number"),
+            Self::OutOfRange { value, min, max } => write!(f, "is {value}; allowed: {min} to {max}"),
+            Self::Inconsistent(reason) => write!(f, "is inconsistent: {reason}"),
+        }
+    }
+}
+
 impl fmt::Display for CalibrationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.problem {
-            Problem::NotFinite => write!(f, "`{}` is not a finite number", self.field),
-            Problem::OutOfRange { value, min, max } => {
-                write!(f, "`{}` is {value}; allowed: {min} to {max}", self.field)
-            }
-            Problem::Inconsistent(why) => write!(f, "`{}` is inconsistent: {why}", self.field),
-        }
+        write!(f, "`{}` {}", self.field, self.problem)
     }
 }
 
@@ -47,12 +65,9 @@ impl core::error::Error for CalibrationError {}
 
 /// Rejects a value that is not finite or out of range.
 pub(crate) fn in_range(field: &'static str, value: f32, min: f32, max: f32) -> Result<(), CalibrationError> {
-    if !value.is_finite() {
-        Err(CalibrationError { field, problem: Problem::NotFinite })
-    } else if value < min || value > max {
-        Err(CalibrationError { field, problem: Problem::OutOfRange { value, min, max } })
-    } else {
-        Ok(())
+    match Problem::of_number(value, min, max) {
+        Some(problem) => Err(CalibrationError { field, problem }),
+        None => Ok(()),
     }
 }
 

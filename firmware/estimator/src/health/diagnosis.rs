@@ -21,7 +21,7 @@ pub enum ParameterAction {
     ReleaseLevel,
 }
 
-/// What the possible causes explain of the residuals since the last change, and when a cause is excluded.
+/// Share of the residuals since the last change that each cause explains, and the limit below which a cause is excluded.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CauseEvidence {

@@ -105,7 +105,7 @@ pub(super) fn text(
     text + &prediction_text(free, leaking, rows)
 }
 
-/// What the reference machine predicts, since no constant was fitted to it.
+/// Predictions of the reference machine: no constant was fitted to them.
 fn prediction_text(free: &StepResponse, leaking: &StepResponse, rows: &[RatioRow]) -> String {
     let ([_, leakage_25], [_, leakage_45]) = (losses_pct(rows, 25.0), losses_pct(rows, 45.0));
     format!(

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::edges::Edge;
 use crate::module_tree::{ModuleTree, SourceModule};
 
-/// Where the rules stand, below the workspace's root.
+/// Path of the rules, below the workspace's root.
 pub const FILE: &str = "xtask/arrows.toml";
 
 /// All rules.
@@ -37,9 +37,9 @@ pub struct CrateRule {
     /// With `from = "*"`: packages that may.
     #[serde(default)]
     pub except: Vec<String>,
-    /// Why not.
+    /// Reason.
     pub reason: String,
-    /// What to do.
+    /// Advice.
     pub instead: String,
 }
 
@@ -51,9 +51,9 @@ pub struct ModuleRule {
     pub from: String,
     /// Paths of the modules that it may not name.
     pub to: Vec<String>,
-    /// Why not.
+    /// Reason.
     pub reason: String,
-    /// What to do.
+    /// Advice.
     pub instead: String,
 }
 

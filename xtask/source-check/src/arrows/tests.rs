@@ -1,3 +1,5 @@
+//! The arrow check on small source texts.
+
 use std::collections::BTreeMap;
 use std::path::Path;
 

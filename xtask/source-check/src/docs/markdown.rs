@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-/// What the checks need of a document.
+/// Content of a document that the checks use.
 #[derive(Debug)]
 pub struct Document {
     /// Path below the workspace's root.

@@ -1,3 +1,5 @@
+//! The document check on small documents.
+
 use super::markdown::Document;
 use super::{facts, paths};
 use crate::files::Repository;

@@ -1,4 +1,4 @@
-//! What one module says: definitions, child modules, `use` declarations and paths.
+//! Content of one module: definitions, child modules, `use` declarations and paths.
 
 use std::collections::BTreeMap;
 

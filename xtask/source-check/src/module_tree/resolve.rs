@@ -3,7 +3,7 @@
 use super::collect::Import;
 use super::tree::{ModuleId, ModuleTree};
 
-/// What a path names.
+/// Target of a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Resolution {
     /// The module that defines it, or the module itself.
@@ -18,7 +18,7 @@ pub struct Resolution {
 const MAX_DEPTH: usize = 24;
 
 impl ModuleTree {
-    /// What a path in a module's code names; none for what other crates, the prelude or the block define.
+    /// Target of a path in a module's code names; none for what other crates, the prelude or the block define.
     pub fn resolve(&self, from: ModuleId, path: &[String]) -> Option<Resolution> {
         self.walk(from, path, 0)
     }

@@ -40,7 +40,7 @@ pub struct SourceModule {
     pub mentions: Vec<Mention>,
 }
 
-/// Where the text of a source file comes from.
+/// Origin of the text of a source file.
 pub trait Sources {
     /// The file's text; none when there is no such file.
     fn text(&self, path: &Path) -> Option<String>;

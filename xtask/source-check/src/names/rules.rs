@@ -35,7 +35,7 @@ pub struct TermException {
     pub word: String,
     /// Start of the files' paths.
     pub path: String,
-    /// Why it stays.
+    /// Reason.
     #[serde(rename = "reason")]
     _reason: String,
 }

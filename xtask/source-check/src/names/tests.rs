@@ -1,3 +1,5 @@
+//! The name check on small source texts.
+
 use super::rules::NameRules;
 use super::{terms, types};
 use crate::files::Repository;

@@ -1,3 +1,5 @@
+//! Stack depth along hand-made call graphs.
+
 use super::*;
 
 fn program(functions: &[(u32, u32, &[u32])]) -> CallGraph {
