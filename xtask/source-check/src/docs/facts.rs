@@ -6,6 +6,7 @@ use syn::visit::{self, Visit};
 
 use super::markdown::Document;
 use crate::files::Repository;
+use crate::packages::PackageMetadata;
 
 /// File that lists xtask's commands, one a line, in its text for `help`.
 const XTASK: &str = "xtask/src/main.rs";
@@ -149,4 +150,43 @@ fn number(word: &str) -> Option<usize> {
     ];
     let word = word.to_lowercase();
     word.parse().ok().or_else(|| WORDS.iter().position(|known| *known == word))
+}
+
+/// Calls of `cargo test` with a package or a test that the workspace does not have.
+pub fn missing_tests(packages: &[PackageMetadata], documents: &[Document]) -> Vec<String> {
+    let has_test = |package: Option<&str>, test: &str| {
+        packages
+            .iter()
+            .filter(|known| package.is_none_or(|name| known.name == name))
+            .flat_map(|known| &known.targets)
+            .any(|target| target.name == test && target.kind.iter().any(|kind| kind == "test"))
+    };
+    let mut complaints = Vec::new();
+    for document in documents {
+        for (at, line) in document.text.lines().enumerate() {
+            let words: Vec<&str> =
+                line.split(|c: char| c.is_whitespace() || c == '`').filter(|word| !word.is_empty()).collect();
+            let mut package = None;
+            for pair in words.windows(2) {
+                let name = pair[1].trim_end_matches(['.', ',', ':', ';', ')']);
+                let is_missing = match pair[0] {
+                    "-p" => {
+                        package = Some(name);
+                        !packages.iter().any(|known| known.name == name)
+                    }
+                    "--test" => !has_test(package, name),
+                    _ => false,
+                };
+                if is_missing {
+                    complaints.push(format!(
+                        "{}:{}: `{} {name}` names no package or test of the workspace",
+                        document.path,
+                        at + 1,
+                        pair[0]
+                    ));
+                }
+            }
+        }
+    }
+    complaints
 }

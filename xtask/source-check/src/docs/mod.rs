@@ -17,8 +17,8 @@ const MAX_COLUMNS: usize = 120;
 
 /// Checks all documents; returns complaints and a summary.
 pub fn check_workspace() -> Result<(Vec<String>, String)> {
-    let root = Metadata::load()?.workspace_root;
-    let repository = files::read(&root)?;
+    let metadata = Metadata::load()?;
+    let repository = files::read(&metadata.workspace_root)?;
     let documents: Vec<Document> =
         repository.with_extension("md").map(|(path, text)| Document::parse(path, text)).collect();
     let mut complaints = Vec::new();
@@ -31,6 +31,7 @@ pub fn check_workspace() -> Result<(Vec<String>, String)> {
     complaints.extend(facts::undocumented_commands(&repository, &documents));
     complaints.extend(facts::undocumented_names(&repository, &documents));
     complaints.extend(facts::wrong_counts(&repository, &documents));
+    complaints.extend(facts::missing_tests(&metadata.packages, &documents));
     let summary = format!("docs: {} documents, {} files", documents.len(), repository.paths().count());
     Ok((complaints, summary))
 }

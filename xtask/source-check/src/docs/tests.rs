@@ -3,6 +3,7 @@
 use super::markdown::Document;
 use super::{facts, paths};
 use crate::files::Repository;
+use crate::packages::PackageMetadata;
 
 fn complaints(files: &[(&'static str, &'static str)]) -> Vec<String> {
     let repository: Repository = files.iter().copied().collect();
@@ -87,4 +88,18 @@ fn prose_wraps_and_tables_do_not() {
     assert_eq!(document(&format!("fine\n{long}")), ["a.md:2: 125 columns; prose wraps at 120"]);
     assert_eq!(document(&format!("| a |\n|---|\n| {long} |\n\n```\n{long}\n```\n\n    {long}")), [""; 0]);
     assert_eq!(document(&format!("[link](https://example.org/{})", "x".repeat(120))), [""; 0]);
+}
+
+#[test]
+fn named_tests_and_packages_exist() {
+    let packages: Vec<PackageMetadata> = serde_json::from_str(
+        r#"[{"name": "demo", "manifest_path": "Cargo.toml", "dependencies": [],
+            "targets": [{"kind": ["test"], "name": "storage", "src_path": "storage.rs"}]}]"#,
+    )
+    .unwrap();
+    let complaints = |text: &str| facts::missing_tests(&packages, &[Document::parse("a.md", text)]);
+    assert_eq!(complaints("`cargo test -p demo --test storage`; cargo test --test storage"), [""; 0]);
+    for wrong in ["-p demos --test storage", "-p demo --test storages", "--test storages."] {
+        assert_eq!(complaints(wrong).len(), 1 + usize::from(wrong.contains("demos")), "{wrong}");
+    }
 }
