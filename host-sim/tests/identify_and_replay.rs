@@ -128,7 +128,7 @@ fn replay_estimates_the_drive_and_counts_every_injected_fault() {
     assert!((mean(&after) - 1.35).abs() < 0.03, "{}", mean(&after));
     let picture = std::fs::read_to_string(svg).unwrap();
     // Three measured curves and two expected ones: about one point for each of the 1000 pixels of the width.
-    for (colour, curves) in [("#1F77B4", 3), ("#D62728", 2)] {
+    for (colour, curves) in [("#0072B2", 3), ("#D55E00", 2)] {
         let drawn = picture.lines().filter(|line| line.starts_with("<polyline") && line.contains(colour));
         let points: usize = drawn.map(|line| line.matches(',').count()).sum();
         assert!((800 * curves..2000 * curves).contains(&points), "{colour}: {points}");

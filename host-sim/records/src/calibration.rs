@@ -16,6 +16,13 @@ use crate::toml_file::TomlFile;
 const HEADING: &str = "# Calibration of the leakage estimator. Units stand in the keys; docs/files.md explains every field.\n\
                        # Leakage coefficients are per piston chamber, in (L/min)/MPa.\n";
 
+/// Second spellings that are read besides the keys that are written: table, textbook term, key of the format.
+const SYNONYMS: [(&str, &str, &str); 3] = [
+    ("health", "false_alarm_interval_h", "run_length_h"),
+    ("law", "covariance_factor", "error_root"),
+    ("law.error_root", "remainder", "rest"),
+];
+
 /// TOML form of a calibration.
 ///
 /// # Errors
@@ -52,6 +59,7 @@ fn shorten(value: &mut Value) {
 /// # Errors
 /// Missing, unknown or wrongly typed fields, or an unsupported schema, with line and column.
 pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
+    let file = &with_format_keys(file)?;
     let mut table: toml::Table = file.parse()?;
     match table.remove("schema") {
         Some(Value::Integer(found)) if found == i64::from(record::calibration::SCHEMA) => {}
@@ -68,6 +76,13 @@ pub fn from_toml(file: &TomlFile) -> Result<Calibration, InputError> {
     }
     // From the text, not from the table: only the text has lines and columns for error messages.
     file.parse::<CalibrationToml>().map(CalibrationToml::calibration)
+}
+
+/// The file with every synonym replaced by the key of the format.
+fn with_format_keys(file: &TomlFile) -> Result<TomlFile, InputError> {
+    SYNONYMS
+        .iter()
+        .try_fold(file.clone(), |file, (table, synonym, key)| file.with_spelling(table, synonym, key))
 }
 
 /// Schema and fields of a calibration; a separate struct because serde's `flatten` accepts unknown keys.
@@ -121,7 +136,7 @@ fn read_with_source(path: &Path) -> Result<(Calibration, Option<TomlFile>), Inpu
             record::calibration::decode(&bytes).map_err(|e| InputError::new(e.to_string()).at_file(path))?;
         return Ok((calibration, None));
     }
-    let file = TomlFile::read(path)?;
+    let file = with_format_keys(&TomlFile::read(path)?)?;
     Ok((from_toml(&file)?, Some(file)))
 }
 
@@ -169,4 +184,40 @@ pub fn write(path: &Path, calibration: &Calibration) -> Result<(), InputError> {
             .map_err(|e| InputError::new(format!("its folder cannot be created: {e}")).at_file(path))?;
     }
     std::fs::write(path, bytes).map_err(|e| InputError::new(format!("cannot be written: {e}")).at_file(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> Result<Calibration, InputError> {
+        from_toml(&TomlFile::from_text(Path::new("c.toml"), text.into()).unwrap())
+    }
+
+    #[test]
+    fn second_spellings_are_read_as_the_keys_of_the_format() {
+        let calibration = kou_fixture::reference();
+        let text = to_toml(&calibration).unwrap();
+        let mut other = text.clone();
+        for (_, synonym, key) in SYNONYMS {
+            assert!(other.contains(key), "{key}");
+            other = other.replace(&format!("{key} ="), &format!("{synonym} ="));
+            other = other.replace(&format!(".{key}]"), &format!(".{synonym}]"));
+        }
+        assert!(
+            !other.contains("run_length_h") && !other.contains("error_root") && !other.contains("\nrest ")
+        );
+        assert_eq!(parsed(&text), Ok(calibration.clone()));
+        assert_eq!(parsed(&other), Ok(calibration));
+    }
+
+    #[test]
+    fn both_spellings_of_a_key_are_rejected_with_the_line() {
+        let text = to_toml(&kou_fixture::reference()).unwrap();
+        let both = text.replace("run_length_h =", "false_alarm_interval_h = 1e5\nrun_length_h =");
+        let line = 1 + both.lines().position(|line| line.starts_with("false_alarm")).unwrap() as u64;
+        let error = parsed(&both).unwrap_err();
+        assert_eq!(error.line, Some(line), "{error}");
+        assert!(error.to_string().contains("state it once"), "{error}");
+    }
 }

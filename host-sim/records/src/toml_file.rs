@@ -68,6 +68,30 @@ impl TomlFile {
         })
     }
 
+    /// The file with the key `synonym` of the dotted `table` (empty for the top level) spelled `key`, padded with spaces so
+    /// that every other position stays; unchanged where the synonym is absent or shorter than the key.
+    ///
+    /// # Errors
+    /// When both spellings are present, with line and column.
+    pub(crate) fn with_spelling(self, table: &str, synonym: &str, key: &str) -> Result<Self, InputError> {
+        let mut parent: &dyn TableLike = self.document.as_table();
+        for part in table.split('.').filter(|part| !part.is_empty()) {
+            let Some(child) = parent.get(part).and_then(Item::as_table_like) else { return Ok(self) };
+            parent = child;
+        }
+        let Some(span) = parent.get_key_value(synonym).and_then(|(found, _)| found.span()) else {
+            return Ok(self);
+        };
+        if parent.contains_key(key) {
+            let error = InputError::new(format!("`{synonym}` and `{key}` are the same key; state it once"));
+            return Err(located(error.at_file(&self.path), &self.text, Some(span)));
+        }
+        let padded = format!("{key:<width$}", width = span.len());
+        let mut text = self.text;
+        text.replace_range(span, &padded);
+        Self::from_text(&self.path, text)
+    }
+
     /// Error about the value of the dotted `key` (for instance `pump.displacement_cm3_per_rev`), with line and column of the
     /// value, or of the nearest enclosing table when the key is absent.
     #[must_use]
