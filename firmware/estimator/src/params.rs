@@ -58,7 +58,16 @@ impl Params {
     /// Parameters with an empty compression table.
     fn from_checked(calibration: &Calibration, health: HealthParams) -> Self {
         Self {
-            context: HealthContext { params: health, model: untabulated(calibration) },
+            context: HealthContext {
+                params: health,
+                model: CalibratedModel {
+                    reduced: ReducedModel::from_checked(
+                        calibration.reduced,
+                        Compression::empty(&calibration.oil),
+                    ),
+                    law: Law::from_checked(calibration.law),
+                },
+            },
             region: calibration.region,
             errors: calibration.sensor_errors,
             ranges: calibration.sensor_ranges,
@@ -105,15 +114,6 @@ impl Params {
     }
 }
 
-/// Flow balance and law, with an empty compression table.
-#[inline(always)]
-fn untabulated(calibration: &Calibration) -> CalibratedModel {
-    CalibratedModel {
-        reduced: ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil)),
-        law: Law::from_checked(calibration.law),
-    }
-}
-
 // Not inlined: while the calibration is checked, none of this is needed on the stack.
 #[inline(never)]
 fn write_params(place: &mut Option<Params>, calibration: &Calibration, health: HealthParams) {
@@ -125,10 +125,12 @@ fn write_params(place: &mut Option<Params>, calibration: &Calibration, health: H
 #[inline(never)]
 fn checked_health(calibration: &Calibration) -> Result<HealthParams, CalibrationError> {
     validate::all(calibration)?;
-    let mut model = untabulated(calibration);
-    model.reduced.tabulate(&calibration.oil);
+    let mut reduced = ReducedModel::from_checked(calibration.reduced, Compression::empty(&calibration.oil));
+    reduced.tabulate(&calibration.oil);
+    let law = Law::from_checked(calibration.law);
     let inputs = HealthInputs {
-        model: &model,
+        reduced: &reduced,
+        law: &law,
         errors: &calibration.sensor_errors,
         limits: &calibration.limits,
         low_pressure: calibration.machine.low_pressure,

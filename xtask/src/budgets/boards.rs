@@ -10,19 +10,19 @@ const LOG: &str = "defmt_rtt7channel";
 
 /// Tasks, by a function that only they call.
 const SAMPLE: Callee = Callee::Calling(TASKS, "AnalogState7observe");
-const ESTIMATE: Callee = Callee::Calling(TASKS, "controller8estimate4turn");
+const ESTIMATE: Callee = Callee::Calling(TASKS, "controller8estimate5cycle");
 const PUBLISH: Callee = Callee::Calling(TASKS, "j19396signal6Signal");
-const SUPERVISE: Callee = Callee::Calling(TASKS, "Supervisor4look");
+const SUPERVISE: Callee = Callee::Calling(TASKS, "Supervisor5check");
 
 /// Calls of storage and calibration through trait objects.
 const STORE_ITEM: CallRule =
     CallRule { callers: &["store_item_inner"], callees: &[Callee::Named("map..Value$GT$14serialize_into")] };
 const FILL: CallRule = CallRule {
     callers: &["map..Value$GT$14serialize_into"],
-    callees: &[Callee::Named("storage..framing..Fill$GT$4fill")],
+    callees: &[Callee::Named("storage..framing..WriteBody$GT$10write_body")],
 };
 const PLACE: CallRule =
-    CallRule { callers: &["active8prepared"], callees: &[Callee::Named("active..ParamsSlot$GT$4make")] };
+    CallRule { callers: &["active7prepare"], callees: &[Callee::Named("active..ParamsSlot$GT$4make")] };
 
 /// NUCLEO-G474RE: thread for the store, executors in the interrupts of unused peripherals.
 pub const G474: StackLevels = StackLevels {
@@ -44,7 +44,7 @@ pub const G474: StackLevels = StackLevels {
                 "FDCAN1_IT0",
                 "RxMode12on_interrupt",
                 "drop_in_place$LT$embassy_sync",
-                "g474re4told",
+                "g474re9publisher",
             ],
             callees: &[Callee::Named(WAKERS), Callee::Named(CHANNELS)],
         },

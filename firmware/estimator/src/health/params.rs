@@ -1,4 +1,4 @@
-//! Checked parameters of health monitoring, and what follows from them for one inputs.
+//! Checked parameters of health monitoring, and derived quantities of the machine.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,14 +8,16 @@ use super::fault_isolation::other_signatures;
 use super::tuning::{DIAGNOSIS_DECISIONS, MISFIT_SHARE, OFFSET_VARIANCE_MIN, START_HOLDOFF_DECISIONS};
 use crate::calibration::error::{CalibrationError, consistent};
 use crate::calibration::{HealthConfig, Limits, SensorErrors};
-use crate::model::calibrated_model::CalibratedModel;
-use crate::model::flow_balance::OperatingPoint;
+use crate::model::flow_balance::{OperatingPoint, ReducedModel};
+use crate::model::leakage_law::Law;
 use crate::units::{LeakageCoefficient, LitrePerMin, Megapascal, Ratio};
 
 /// Parts of a calibration from which the parameters of health monitoring follow.
 pub(crate) struct HealthInputs<'a> {
-    /// Flow balance and leakage law.
-    pub model: &'a CalibratedModel,
+    /// Flow balance.
+    pub reduced: &'a ReducedModel,
+    /// Leakage law.
+    pub law: &'a Law,
     /// Standard errors of the sensors.
     pub errors: &'a SensorErrors,
     /// Operating limits of the estimator.
@@ -59,9 +61,9 @@ impl HealthParams {
             oil_temperature: config.rated_temperature,
             displacement: Ratio(1.0),
         };
-        let law = &inputs.model.law;
+        let law = inputs.law;
         let kou = law.evaluate(law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature));
-        let balance = inputs.model.reduced.balance(&at);
+        let balance = inputs.reduced.balance(&at);
         let mean = RegressionSample {
             ratio_residual: 0.0,
             ratio_per_kou: 1.0 / balance.kou_per_ratio(),
@@ -77,8 +79,8 @@ impl HealthParams {
         // An error of pressure or temperature acts through compression, independent of leakage, and through the
         // leakage, in proportion to the level: with zero sensitivity to leakage only compression remains.
         let without = RegressionSample { ratio_per_kou: 0.0, ..mean };
-        let [pressure_0, temperature_0, ..] = other_signatures(&inputs.model.reduced, law, &without);
-        let [pressure_1, temperature_1, ..] = other_signatures(&inputs.model.reduced, law, &mean);
+        let [pressure_0, temperature_0, ..] = other_signatures(inputs.reduced, law, &without);
+        let [pressure_1, temperature_1, ..] = other_signatures(inputs.reduced, law, &mean);
         let by_pressure = inputs.errors.high_pressure_relative * config.rated_pressure.get() / per_level;
         let by_temperature = inputs.errors.oil_temperature.get() / per_level;
         let mut systematic2 = [0.0, 0.0, MISFIT_SHARE * config.law_misfit * MISFIT_SHARE * config.law_misfit];
