@@ -3,7 +3,6 @@
 use crate::calibration::validate;
 use crate::calibration::{Calibration, CalibrationError, Limits, OutputSensor, SensorErrors, SensorRanges};
 use crate::health::{HealthContext, HealthInputs, HealthParams};
-use crate::model::calibrated_model::CalibratedModel;
 use crate::model::calibrated_region::RegionConfig;
 use crate::model::flow_balance::ReducedModel;
 use crate::model::leakage_law::Law;
@@ -30,7 +29,7 @@ impl Params {
     /// The first field that is not finite, out of range or inconsistent with another.
     pub fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
         let mut params = Self::from_checked(calibration, checked_health(calibration)?);
-        params.context.model.reduced.tabulate(&calibration.oil);
+        params.context.reduced.tabulate(&calibration.oil);
         Ok(params)
     }
 
@@ -42,7 +41,7 @@ impl Params {
         *place = None;
         write_params(place, calibration, checked_health(calibration)?);
         if let Some(params) = place {
-            params.context.model.reduced.tabulate(&calibration.oil);
+            params.context.reduced.tabulate(&calibration.oil);
         }
         Ok(())
     }
@@ -60,13 +59,11 @@ impl Params {
         Self {
             context: HealthContext {
                 params: health,
-                model: CalibratedModel {
-                    reduced: ReducedModel::from_checked(
-                        calibration.reduced,
-                        Compression::empty(&calibration.oil),
-                    ),
-                    law: Law::from_checked(calibration.law),
-                },
+                reduced: ReducedModel::from_checked(
+                    calibration.reduced,
+                    Compression::empty(&calibration.oil),
+                ),
+                law: Law::from_checked(calibration.law),
             },
             region: calibration.region,
             errors: calibration.sensor_errors,
@@ -80,7 +77,7 @@ impl Params {
     /// The flow balance (reduced model).
     #[must_use]
     pub fn reduced(&self) -> &ReducedModel {
-        &self.context.model.reduced
+        &self.context.reduced
     }
 
     /// Declared ranges of the sensors.
@@ -110,7 +107,7 @@ impl Params {
     /// The leakage law.
     #[must_use]
     pub fn law(&self) -> &Law {
-        &self.context.model.law
+        &self.context.law
     }
 }
 

@@ -95,7 +95,7 @@ fn evaluate(params: &Params, state: &mut State, sample: &Sample) -> EstimatePart
         Ok(at) => at,
         Err(reason) => return reject(params, state, sample, reason),
     };
-    let balance = params.context.model.reduced.balance(&at);
+    let balance = params.context.reduced.balance(&at);
     let expected = expect(params, &at, &balance);
     let ratio = measured_ratio(params, &at, sample);
     let observed = match ratio {
@@ -173,11 +173,11 @@ fn operating_point(params: &Params, sample: &Sample) -> Result<OperatingPoint, R
 
 /// Expected part: leakage law and flow balance at the operating point.
 fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Expected, Reason> {
-    let point = params.context.model.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
+    let point = params.context.law.normalised(at.pump_speed, at.high_pressure, at.oil_temperature);
     if let Some(direction) = params.region.outside(point) {
         return Err(Reason::OutsideRegion(direction));
     }
-    let kou = params.context.model.law.evaluate(point);
+    let kou = params.context.law.evaluate(point);
     if kou.get() <= 0.0 {
         return Err(Reason::LawNotPositive);
     }
@@ -187,9 +187,9 @@ fn expect(params: &Params, at: &OperatingPoint, balance: &Balance) -> Result<Exp
     }
     Ok(Expected {
         kou,
-        kou_se: params.context.model.law.standard_error(point),
+        kou_se: params.context.law.standard_error(point),
         ratio,
-        volumetric_efficiency: params.context.model.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.context.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }
@@ -206,7 +206,7 @@ fn measured_ratio(params: &Params, at: &OperatingPoint, sample: &Sample) -> Resu
         OutputSensor::FlowMeter => {
             let limit = params.ranges.flow_max.get();
             let flow = check.value(Channel::Flow, &sample.flow, |q| q.get().abs() <= limit)?;
-            params.context.model.reduced.ratio_of_flow(at, flow)
+            params.context.reduced.ratio_of_flow(at, flow)
         }
     };
     if ratio.get() * at.displacement.get() <= 0.0 { Err(Reason::RatioNotPositive) } else { Ok(ratio) }
@@ -227,12 +227,12 @@ fn observe(
         return Err(Reason::KouImplausible);
     }
     let kou_se: LeakageCoefficient =
-        kou_standard_error(&params.errors, &params.context.model.reduced, balance, at, ratio, kou);
+        kou_standard_error(&params.errors, &params.context.reduced, balance, at, ratio, kou);
     Ok(Observed {
         ratio,
         kou,
         kou_se,
-        volumetric_efficiency: params.context.model.reduced.volumetric_efficiency(at, ratio),
+        volumetric_efficiency: params.context.reduced.volumetric_efficiency(at, ratio),
         leakage: balance.leakage(kou),
     })
 }

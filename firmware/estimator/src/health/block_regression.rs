@@ -91,7 +91,7 @@ impl BlockRegression {
 /// Normalised pressure and temperature of a block, relative to the slopes' pivots.
 fn slope_regressors(context: &HealthContext, mean: &RegressionSample) -> [f32; 2] {
     let [_, y, z] =
-        context.model.law.normalised(RevPerMin(mean.n_p_rpm), Megapascal(mean.p_h_mpa), Celsius(mean.t_b_c));
+        context.law.normalised(RevPerMin(mean.n_p_rpm), Megapascal(mean.p_h_mpa), Celsius(mean.t_b_c));
     let [pressure, temperature] = SLOPE_PIVOTS;
     [y - pressure, z - temperature]
 }

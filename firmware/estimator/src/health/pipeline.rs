@@ -200,14 +200,13 @@ impl HealthState {
     fn sign_leakage(&mut self, context: &HealthContext) -> Stage {
         self.pending.unexplained =
             self.pending.regression.unexplained(self.diagnosis.before, self.block.mean.ratio_residual);
-        self.pending.leakage_signatures = leakage_signatures(&context.model.law, &self.block.mean);
+        self.pending.leakage_signatures = leakage_signatures(&context.law, &self.block.mean);
         Stage::SignOthers
     }
 
     #[inline(never)]
     fn sign_others(&mut self, context: &HealthContext) -> Stage {
-        self.pending.other_signatures =
-            other_signatures(&context.model.reduced, &context.model.law, &self.block.mean);
+        self.pending.other_signatures = other_signatures(&context.reduced, &context.law, &self.block.mean);
         Stage::Regress
     }
 

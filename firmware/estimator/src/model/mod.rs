@@ -3,7 +3,6 @@
 //! Pure functions of operating point and constants: no readings, no calibration as a whole, no learned state. The
 //! module imports nothing of the crate but the unit types.
 
-pub(crate) mod calibrated_model;
 pub mod calibrated_region;
 pub mod flow_balance;
 pub mod leakage_law;
