@@ -33,10 +33,9 @@ pub fn edges(tree: &ModuleTree) -> Vec<Edge> {
         let mentioned = module.mentioned();
         for import in module.imports.iter().filter(|import| import.name != "*") {
             let found = tree.resolve(from, &import.path);
-            // A trait in scope is used by its methods, which name nothing.
-            let is_trait = found.as_ref().is_some_and(|found| tree.is_trait(found, &import.path));
-            let is_used = mentioned.contains(import.name.as_str()) || (is_trait && !import.public);
-            push(found, &import.path, import.line, !is_used);
+            // A private import counts even where nothing names it: a trait in scope is used by its methods.
+            let is_facade = import.public && !mentioned.contains(import.name.as_str());
+            push(found, &import.path, import.line, is_facade);
         }
         for mention in &module.mentions {
             if !is_import_of_item(tree, from, module, mention.path.first()) {

@@ -196,3 +196,13 @@ fn files_are_found_as_the_compiler_finds_them() {
         assert!(tree.has(path), "{path}");
     }
 }
+
+#[test]
+fn a_private_import_that_nothing_names_closes_a_circle() {
+    let complaints = circles_in(&[
+        ("lib.rs", "mod a; mod b;"),
+        ("a.rs", "use crate::b::B as _;\npub struct A;"),
+        ("b.rs", "use crate::a::A;\npub struct B(A);"),
+    ]);
+    assert_eq!(complaints.len(), 1, "{complaints:?}");
+}

@@ -1,6 +1,6 @@
 //! Content of one module: definitions, child modules, `use` declarations and paths.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
@@ -31,8 +31,8 @@ pub struct Mention {
 /// Contents of a module.
 #[derive(Default)]
 pub struct Contents<'ast> {
-    /// Name of each definition; true for traits.
-    pub definitions: BTreeMap<String, bool>,
+    /// Names of definitions.
+    pub definitions: BTreeSet<String>,
     /// Macros exported from the crate.
     pub exported_macros: Vec<String>,
     /// Child modules.
@@ -104,9 +104,9 @@ fn attributes_of(item: &Item) -> &[Attribute] {
 }
 
 impl<'ast> Contents<'ast> {
-    fn define(&mut self, name: &syn::Ident, is_trait: bool) {
+    fn define(&mut self, name: &syn::Ident) {
         if self.depth == 0 {
-            self.definitions.insert(name.to_string(), is_trait);
+            self.definitions.insert(name.to_string());
         }
     }
 
@@ -215,15 +215,15 @@ impl<'ast> Visit<'ast> for Contents<'ast> {
             return;
         }
         match item {
-            Item::Const(item) => self.define(&item.ident, false),
-            Item::Enum(item) => self.define(&item.ident, false),
-            Item::Fn(item) => self.define(&item.sig.ident, false),
-            Item::Static(item) => self.define(&item.ident, false),
-            Item::Struct(item) => self.define(&item.ident, false),
-            Item::Trait(item) => self.define(&item.ident, true),
-            Item::TraitAlias(item) => self.define(&item.ident, true),
-            Item::Type(item) => self.define(&item.ident, false),
-            Item::Union(item) => self.define(&item.ident, false),
+            Item::Const(item) => self.define(&item.ident),
+            Item::Enum(item) => self.define(&item.ident),
+            Item::Fn(item) => self.define(&item.sig.ident),
+            Item::Static(item) => self.define(&item.ident),
+            Item::Struct(item) => self.define(&item.ident),
+            Item::Trait(item) => self.define(&item.ident),
+            Item::TraitAlias(item) => self.define(&item.ident),
+            Item::Type(item) => self.define(&item.ident),
+            Item::Union(item) => self.define(&item.ident),
             _ => {}
         }
         visit::visit_item(self, item);
@@ -244,7 +244,7 @@ impl<'ast> Visit<'ast> for Contents<'ast> {
 
     fn visit_item_macro(&mut self, item: &'ast syn::ItemMacro) {
         let Some(name) = &item.ident else { return visit::visit_item_macro(self, item) };
-        self.define(name, false);
+        self.define(name);
         if item.attrs.iter().any(|attribute| attribute.path().is_ident("macro_export")) {
             self.exported_macros.push(name.to_string());
         }

@@ -23,12 +23,6 @@ impl ModuleTree {
         self.walk(from, path, 0)
     }
 
-    /// True when the definition that a path ends at is a trait.
-    pub fn is_trait(&self, resolution: &Resolution, path: &[String]) -> bool {
-        let Some(name) = path.last() else { return false };
-        resolution.is_item && self.module(resolution.module).definitions.get(name) == Some(&true)
-    }
-
     fn root_of(&self, mut module: ModuleId) -> ModuleId {
         while let Some(parent) = self.module(module).parent {
             module = parent;
@@ -88,7 +82,7 @@ impl ModuleTree {
             Some(Resolution { module, is_item: false, through: Vec::new() })
         };
         let defined = || {
-            let here = module.definitions.contains_key(name);
+            let here = module.definitions.contains(name);
             here.then(|| Resolution { module: at, is_item: true, through: Vec::new() })
         };
         let imported = |item: bool| {

@@ -32,8 +32,8 @@ pub struct SourceModule {
     pub parent: Option<ModuleId>,
     /// Modules that it declares.
     pub children: BTreeMap<String, ModuleId>,
-    /// Types, functions, constants and macros defined here; true for traits.
-    pub definitions: BTreeMap<String, bool>,
+    /// Types, functions, constants and macros defined here.
+    pub definitions: BTreeSet<String>,
     /// `use` declarations, one for each name.
     pub imports: Vec<Import>,
     /// Paths in the code, without those of `use` declarations.
