@@ -48,7 +48,7 @@ pub fn run() -> Result<()> {
         100.0 * (number(&law, "displacement_factor")? - 1.0)
     );
     println!(
-        "Verified     the controller's code against the full model at {} points: ratio {:.1e} mean,",
+        "Verified     the controller's code against the lumped model at {} points: ratio {:.1e} mean,",
         number(&proof, "points")?,
         number(&proof, "ratio_error_mean")?
     );

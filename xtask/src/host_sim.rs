@@ -46,7 +46,7 @@ impl HostSim {
         CommandLine::new(&self.program, &args).args([page]).check()
     }
 
-    /// Compares the estimator with the full model over the envelope.
+    /// Compares the estimator with the lumped model over the envelope.
     pub fn verify(&self, calibration: &Path) -> Result<Value> {
         self.json(&["verify", "--machine", MACHINE, "--json", "--calibration"], [calibration])
     }

@@ -40,7 +40,7 @@ pub enum Scheme {
 pub struct Args {
     #[command(flatten)]
     given: BenchArgs,
-    /// Model to invert; by default the full one where the machine file has what it needs, otherwise the reduced one.
+    /// Model to invert; by default the lumped one where the machine file has what it needs, otherwise the reduced one.
     #[arg(long, value_enum)]
     pub model: Option<InvertedModel>,
     /// Scheme.
@@ -121,12 +121,12 @@ fn model_of(args: &Args, machine: &Machine) -> Result<(String, Option<LumpedPlan
     match (args.model, LumpedPlant::new(machine)) {
         (Some(InvertedModel::Rom), _) => Ok(("model: reduced model, as chosen\n".into(), None)),
         (_, Ok(full)) => {
-            let model = "model: full lumped model; the valve plates and the circuit of the machine file are taken as given\n";
+            let model = "model: lumped model; the valve plates and the circuit of the machine file are taken as given\n";
             Ok((model.into(), Some(full)))
         }
         (Some(InvertedModel::Full), Err(e)) => Err(e.at_file(&args.given.machine)),
         (None, Err(e)) => {
-            Ok((format!("model: reduced model, since the machine file lacks the full one: {e}\n"), None))
+            Ok((format!("model: reduced model, since the machine file lacks the lumped one: {e}\n"), None))
         }
     }
 }
@@ -293,7 +293,7 @@ fn summary(result: &Identification, advice: &[experiment_design::Proposal], out:
     }
     if let Some(s) = &result.surrogate {
         text += &format!(
-            "reduced model fitted to the full one: error of the ratio {:.1e} mean, {:.1e} worst over {} points\n",
+            "reduced model fitted to the lumped one: error of the ratio {:.1e} mean, {:.1e} worst over {} points\n",
             s.ratio_error_mean, s.ratio_error_max, s.points
         );
     }
