@@ -30,7 +30,7 @@ Usage: cargo xtask <command>
   budgets [--json] instructions, bytes and stack of the firmware against xtask/limits.toml
   arrows           forbidden dependencies between crates and modules (xtask/arrows.toml), and circles of imports
   docs             links, paths, commands and names in README.md and docs/ against the sources
-  names            type names that stand more than once, and args for which there is a standard term (xtask/names.toml)
+  names            type names that stand more than once, and words for which there is a standard term (xtask/names.toml)
   stacks           which functions take the deepest stack: of the estimator, and of the vehicle's firmware by executor
   help             this text";
 

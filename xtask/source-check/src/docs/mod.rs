@@ -8,7 +8,7 @@ mod tests;
 
 use anyhow::Result;
 
-use crate::files;
+use crate::files::{self, Repository};
 use crate::packages::Metadata;
 use markdown::Document;
 
@@ -21,17 +21,23 @@ pub fn check_workspace() -> Result<(Vec<String>, String)> {
     let repository = files::read(&metadata.workspace_root)?;
     let documents: Vec<Document> =
         repository.with_extension("md").map(|(path, text)| Document::parse(path, text)).collect();
-    let mut complaints = Vec::new();
-    for document in &documents {
-        complaints.extend(document.long_lines(MAX_COLUMNS));
-        complaints.extend(paths::broken_links(document, &documents, &repository));
-        complaints.extend(paths::missing_in_document(document, &repository));
-    }
-    complaints.extend(paths::missing_in_comments(&repository));
-    complaints.extend(facts::undocumented_commands(&repository, &documents));
-    complaints.extend(facts::undocumented_names(&repository, &documents));
-    complaints.extend(facts::wrong_counts(&repository, &documents));
+    let mut complaints = complaints(&repository, &documents);
     complaints.extend(facts::missing_tests(&metadata.packages, &documents));
     let summary = format!("docs: {} documents, {} files", documents.len(), repository.paths().count());
     Ok((complaints, summary))
+}
+
+/// Complaints that follow from the documents and the other files alone.
+fn complaints(repository: &Repository, documents: &[Document]) -> Vec<String> {
+    let mut complaints = Vec::new();
+    for document in documents {
+        complaints.extend(document.long_lines(MAX_COLUMNS));
+        complaints.extend(paths::broken_links(document, documents, repository));
+        complaints.extend(paths::missing_in_document(document, repository));
+    }
+    complaints.extend(paths::missing_in_comments(repository));
+    complaints.extend(facts::undocumented_commands(repository, documents));
+    complaints.extend(facts::undocumented_names(repository, documents));
+    complaints.extend(facts::wrong_counts(repository, documents));
+    complaints
 }

@@ -1,7 +1,7 @@
 //! The document check on small documents.
 
+use super::facts;
 use super::markdown::Document;
-use super::{facts, paths};
 use crate::files::Repository;
 use crate::packages::PackageMetadata;
 
@@ -9,17 +9,7 @@ fn complaints(files: &[(&'static str, &'static str)]) -> Vec<String> {
     let repository: Repository = files.iter().copied().collect();
     let documents: Vec<Document> =
         repository.with_extension("md").map(|(path, text)| Document::parse(path, text)).collect();
-    let mut complaints = Vec::new();
-    for document in &documents {
-        complaints.extend(document.long_lines(120));
-        complaints.extend(paths::broken_links(document, &documents, &repository));
-        complaints.extend(paths::missing_in_document(document, &repository));
-    }
-    complaints.extend(paths::missing_in_comments(&repository));
-    complaints.extend(facts::undocumented_commands(&repository, &documents));
-    complaints.extend(facts::undocumented_names(&repository, &documents));
-    complaints.extend(facts::wrong_counts(&repository, &documents));
-    complaints
+    super::complaints(&repository, &documents)
 }
 
 fn one_complaint(files: &[(&'static str, &'static str)], expected: &str) {
