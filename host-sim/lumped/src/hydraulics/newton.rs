@@ -127,15 +127,15 @@ impl ImplicitStage {
             self.eliminate_bridges(&rho_n, &slope_n, &inv_vn, inv_rho_0, gh, &mut inflow, &mut matrix);
             let relative = rho_n.map(|rho| rho * inv_rho_0);
             let drains = circuit(plant, &self.p_node, &relative, &slope_n, charge, &mut inflow, &mut matrix);
-            let mut right = [0.0; NODES];
+            let mut rhs = [0.0; NODES];
             for k in 0..NODES {
-                right[k] = star.node[k] - self.m.node[k] + gh * inflow[k];
+                rhs[k] = star.node[k] - self.m.node[k] + gh * inflow[k];
                 for entry in &mut matrix[k] {
                     *entry *= -gh;
                 }
                 matrix[k][k] += 1.0;
             }
-            let Some(change_n) = solve_nodes(&mut matrix, &mut right) else {
+            let Some(change_n) = solve_nodes(&mut matrix, &mut rhs) else {
                 return Err(NotConverged { last_change, iterations: iteration });
             };
             // Back substitution; the flow at which a stiff port is linearised next follows its new pressure drop.
